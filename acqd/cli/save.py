@@ -39,6 +39,10 @@ def save(
     ] = 2.0,
     least_rest: Annotated[float, typer.Option(min=0, max=600, help="s that stay of every pause.")] = 0.5,
     keep_waits: Annotated[bool, typer.Option("--keep-waits", help="Pauses keep their durations.")] = False,
+    payload: Annotated[
+        float | None,
+        typer.Option(min=-20, max=20, help="kg: also say what so much more at the flange would use."),
+    ] = None,
     out: Annotated[Path | None, typer.Option(help="Folder for programs and report (default LOG.save).")] = None,
     json: Json = False,
 ) -> None:
@@ -57,7 +61,7 @@ def save(
 
     share, seconds = _longer(longer)
     box, speed = _box(workspace), limit_speed / 100
-    asked = Asked(share, seconds, scene, box, speed, brakes_after, least_rest, keep_waits, robot)
+    asked = Asked(share, seconds, scene, box, speed, brakes_after, least_rest, keep_waits, payload, robot)
     folder = out or default_folder(work, "save")
     require_writable(folder)
     with progress(terminal(stderr=True)) as show_step:
@@ -96,7 +100,7 @@ def _box(corners: tuple[float, float, float, float, float, float] | None) -> tup
 
 def _print(found: Savings, folder: Path) -> None:
     from acqd.saving.page import steps
-    from acqd.saving.tables import HEADER, headline, table
+    from acqd.saving.tables import HEADER, headline, table, what_if_text
 
     screen = terminal(tables=True)
     screen.print(headline(found))
@@ -108,6 +112,8 @@ def _print(found: Savings, folder: Path) -> None:
             shown.add_row(*row)
         shown.add_section()
     screen.print(shown)
+    for what_if in found.what_ifs:
+        screen.print(what_if_text(what_if))
     for each in found.refused:
         screen.print(f"not proposed: {each.name}: {each.reason}")
     for text in found.unknown:

@@ -6,8 +6,9 @@ error of the difference has two parts (ADR 63).
 - Parts of the power that are wrong by a factor, such as a friction that is 5 % too small: they count by the difference
   of that part. Factors are regressed from the residual of held-out blocks (Bayesian linear regression; Bishop, Pattern
   Recognition and Machine Learning, 2006, 3.3); what was found and what stays unknown of them both count.
-- What is left of the residual differs from motion to motion. It counts for the time in which something has changed,
-  by the variance between blocks of similar motion (a variogram at the shortest distance; Cressie 1993, 2.4).
+- What is left of the residual differs from motion to motion: by the variance between blocks of similar motion (a
+  variogram at the shortest distance; Cressie 1993, 2.4). Along an unchanged path most of that cancels, too; it counts
+  by how much the speeds differ (`Cycle.unlike_s`).
 
 The width is then scaled so that 90 % of the differences between similar held-out blocks of different recordings lie
 within (split conformal prediction; Lei et al. 2018).
@@ -30,7 +31,8 @@ from acqd.saving.power import Use
 LEVEL = 0.9
 _NORMAL = 1.645
 """Standard deviations on either side that hold 90 % of a normal distribution; the width is never less."""
-_BLOCK_S = 5.0
+BLOCK_S = 5.0
+"""Over which an error of the model stays the same: the length of a move or a rest."""
 _FEWEST = 20
 """Blocks, for an interval."""
 _FACTOR = 0.3
@@ -55,7 +57,7 @@ class Doubt:
     def of(cls, model: Predictor, segments: Sequence[Segment]) -> Doubt | None:
         """From held-out segments; None from fewer than 20 blocks of 5 s or from one recording."""
         held_out = [segment for segment in segments if segment.split != "train"]
-        rows = round(_BLOCK_S / model.step_s)
+        rows = round(BLOCK_S / model.step_s)
         powers: list[dict[Cause, Floats]] = []
         errors, owners = [], []
         for segment in held_out:
@@ -87,17 +89,17 @@ class Doubt:
             variance = float(rest @ rest) / max(len(error) - len(names), 1) + 1e-12
         factors = np.outer(found, found) + unknown
         near = _nearest(power, owner)
-        left = float(np.mean((rest - rest[near]) ** 2) / 2) * _BLOCK_S
+        left = float(np.mean((rest - rest[near]) ** 2) / 2) * BLOCK_S
         change = power - power[near]
-        expected = np.einsum("nc,cd,nd->n", change, factors, change) + 2 * left / _BLOCK_S
+        expected = np.einsum("nc,cd,nd->n", change, factors, change) + 2 * left / BLOCK_S
         scores = np.sort(np.abs(error - error[near]) / np.sqrt(np.maximum(expected, 1e-12)))
         at = min(int(np.ceil(LEVEL * (len(scores) + 1))) - 1, len(scores) - 1)
         return cls(names, factors, left, max(_NORMAL, float(scores[at])), len(error), len(set(owner.tolist())))
 
-    def half_width(self, before: Use, after: Use, changed_s: float) -> float:
-        """Half the width of the 90 % interval of a saving, J; `changed_s`: seconds of both motions that differ."""
+    def half_width(self, before: Use, after: Use, unlike_s: float) -> float:
+        """Half the width of the 90 % interval of a saving, J; `unlike_s` as in `Cycle.unlike_s`."""
         change = np.array([before.causes.get(cause, 0.0) - after.causes.get(cause, 0.0) for cause in self.causes])
-        return self.width * float(np.sqrt(change @ self.factors @ change + self.left * changed_s))
+        return self.width * float(np.sqrt(change @ self.factors @ change + self.left * unlike_s))
 
 
 def _blocks(values: Floats, count: int, rows: int) -> Floats:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from itertools import chain
 
 import numpy as np
@@ -48,19 +49,43 @@ class StretchTiming(Timing):
 
     def motion(self, law: str, seconds: float) -> Motion:
         """The stretch with a duration: by the law of the next shorter duration, slowed uniformly."""
+        return self._path.motion_at(self._coefficients(law, seconds), seconds)
+
+    def unlike(self, law: str, seconds: float) -> float:
+        """From the pace."""
+        return self._path.unlike(self._coefficients(law, seconds), seconds)
+
+    def _coefficients(self, law: str, seconds: float) -> Floats:
         number = int(np.searchsorted(self._curve.seconds, seconds + 1e-9, side="right")) - 1
-        return self._path.motion_at(self._path.uniform if law == UNIFORM else self._laws[max(number, 0)], seconds)
+        return self._path.uniform if law == UNIFORM else self._laws[max(number, 0)]
 
 
 class LogCycle(Cycle):
     """Pieces of a recorded motion."""
 
     def __init__(self, parts: Sequence[Rest | Stretch], bounds: Bounds, meter: Meter, least_rest: float) -> None:
-        self.meter, self.least_rest = meter, least_rest
+        self.meter, self.least_rest, self._bounds = meter, least_rest, bounds
+        self._sought: dict[int, StretchTiming] = {}
+        self._set(parts)
+
+    def with_parts(self, parts: Sequence[Rest | Stretch], elsewhere_s: float) -> LogCycle:
+        """Other pieces; the laws of stretches that stay are not sought again."""
+        other = copy(self)
+        other._set(parts)
+        other.elsewhere_s = elsewhere_s
+        return other
+
+    def _set(self, parts: Sequence[Rest | Stretch]) -> None:
+        sought = {
+            id(part): self._sought.get(id(part)) or StretchTiming(part, self._bounds, self.meter)
+            for part in parts
+            if isinstance(part, Stretch) and not part.fixed
+        }
+        self._sought = sought
         self._parts: list[Piece | Stretch] = [
-            part if isinstance(part, Rest) or part.fixed else StretchTiming(part, bounds, meter) for part in parts
+            part if isinstance(part, Rest) else sought.get(id(part), part) for part in parts
         ]
-        self._recorded = parts
+        self.recorded = parts
         self.pieces = [part for part in self._parts if not isinstance(part, Stretch)]
         self.seconds = sum(part.seconds for part in parts)
 
@@ -68,7 +93,7 @@ class LogCycle(Cycle):
         """The motion at 1 kHz."""
         left = chain(durations)
         parts = []
-        for part, recorded in zip(self._parts, self._recorded, strict=True):
+        for part, recorded in zip(self._parts, self.recorded, strict=True):
             if isinstance(part, Stretch):
                 parts.append(part.motion)
                 continue

@@ -14,9 +14,11 @@ from acqd.report.digits import duration, number, percent, quantity
 from acqd.report.lines import Chart, Line, Panel
 from acqd.report.verdict import Tone
 from acqd.saving.proposals import Block, Savings
-from acqd.saving.tables import HEADER, headline, joules, table
+from acqd.saving.tables import HEADER, headline, joules, table, what_if_text
 
 _SHOWN_PER_S = 25
+_LEAST_J = 0.05
+"""Less is shown as zero: energy that is stored and comes back."""
 
 
 def write_page(path: Path, found: Savings) -> None:
@@ -29,6 +31,8 @@ def write_page(path: Path, found: Savings) -> None:
         page.heading(title)
         page.text(_compared(found, block))
         page.table(HEADER, table(block))
+    for what_if in found.what_ifs:
+        page.text(f"{what_if_text(what_if)}.".capitalize())
     for each in found.refused:
         page.text(f"Not proposed: {each.name}: {each.reason}.")
     page.text(_sure(found))
@@ -113,19 +117,26 @@ def _pareto(found: Savings) -> Chart:
         Line("plain uniform slowing", np.array(pareto.uniform), "before"),
         Line("as it is, then waiting", np.array(pareto.waiting), "muted"),
     ]
+    beyond = [Line(line.name, line.values - np.array(pareto.standby), line.colour) for line in lines]
     alt = "Energy of a cycle against cycle time: best timing, uniform slowing, waiting"
-    return Chart(np.array(pareto.seconds), "cycle time [s]", [Panel("energy [J]", lines)], alt)
+    return Chart(
+        np.array(pareto.seconds),
+        "cycle time [s]",
+        [Panel("energy [J]", lines, 180), Panel("beyond standby [J]", beyond, 220)],
+        alt,
+    )
 
 
 def _causes(found: Savings) -> tuple[list[str], list[list[str]]]:
     blocks = [block for block in (found.equal, found.other) if block.proposals]
     columns = [("as it is", found.before)]
     columns += [(f"best, {duration(block.seconds)}", block.proposals[-1].use) for block in blocks]
-    rows = [
-        [cause.value, *(quantity(use.causes.get(cause, 0.0), "J", 3) for _, use in columns)]
-        for cause in found.before.causes
-    ]
+    rows = [[cause.value, *(_shown(use.causes.get(cause, 0.0)) for _, use in columns)] for cause in found.before.causes]
     return ["cause", *(name for name, _ in columns)], rows
+
+
+def _shown(energy: float) -> str:
+    return quantity(energy if abs(energy) >= _LEAST_J else 0.0, "J", 3)
 
 
 def _motion(found: Savings, block: Block) -> Chart:

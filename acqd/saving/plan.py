@@ -11,6 +11,7 @@ import numpy as np
 from acqd.motion.controller import Motion
 from acqd.motion.program_file import Program
 from acqd.saving.cycle import Rest
+from acqd.saving.doubt import BLOCK_S
 from acqd.saving.power import Meter
 from acqd.saving.sharing import Curve, shared
 
@@ -42,6 +43,10 @@ class Timing(ABC):
     def curve(self, law: str) -> Curve:
         """Energy of the drives against duration, of a kind of law."""
 
+    @abstractmethod
+    def unlike(self, law: str, seconds: float) -> float:
+        """Mean square of the logarithm of the ratio of speeds, of a law with a duration to the stretch as it is."""
+
 
 Piece = Rest | Timing
 
@@ -54,6 +59,8 @@ class Cycle(ABC):
     least_rest: float
     seconds: float
     """Duration as it is."""
+    elsewhere_s: float = 0.0
+    """Seconds of rest in which the arm is elsewhere than it was, whatever the timing."""
 
     @abstractmethod
     def timed(self, change: Change, durations: Sequence[float]) -> tuple[Motion, Program | None]:
@@ -78,7 +85,7 @@ class Cycle(ABC):
             if isinstance(piece, Timing):
                 curves.append(piece.curve(change.law) if change.law else _as_it_is(piece.seconds))
             elif change.waits and piece.free:
-                power = 0.0 if change.brakes_after is not None else self.meter.holding(piece.position)
+                power = 0.0 if change.brakes_after is not None else float(self.meter.holding(piece.position[None])[0])
                 curves.append(Curve.pause(piece.seconds - self.slack(piece), power))
             else:
                 curves.append(_as_it_is(piece.seconds))
@@ -94,12 +101,23 @@ class Cycle(ABC):
             for piece, given in zip(self.pieces, give, strict=True)
         ]
 
-    def changed_s(self, change: Change, durations: Sequence[float]) -> float:
-        """Seconds of the old and the new cycle that differ."""
-        return sum(
-            piece.seconds + seconds if isinstance(piece, Timing) and change.law else abs(piece.seconds - seconds)
-            for piece, seconds in zip(self.pieces, durations, strict=True)
-        )
+    def unlike_s(self, change: Change, durations: Sequence[float]) -> float:
+        """Seconds of motion over which errors of the model as between strange motions would add up to the same.
+
+        Along one path, an error changes with the speed: by itself over a factor of e, in proportion below. At rest it
+        stays the same as long as the rest does.
+        """
+        total = _at_rest(self.elsewhere_s)
+        for piece, seconds in zip(self.pieces, durations, strict=True):
+            if isinstance(piece, Rest):
+                total += _at_rest(piece.seconds - seconds)
+            elif change.law:
+                total += (piece.seconds + seconds) * min(1.0, piece.unlike(change.law, seconds))
+        return total
+
+
+def _at_rest(seconds: float) -> float:
+    return max(abs(seconds), seconds**2 / BLOCK_S)
 
 
 def _as_it_is(seconds: float) -> Curve:

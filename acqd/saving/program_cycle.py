@@ -7,6 +7,7 @@ for a grid of both, with every blend as the controller plans it; steps that exce
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import replace
 from itertools import product
 
@@ -14,7 +15,7 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.motion.chain import Chain, Move, plan_chain
-from acqd.motion.controller import BrakeSettings, Controller, Motion, Step, SwitchTool, Wait
+from acqd.motion.controller import RATE, BrakeSettings, Controller, Motion, Step, SwitchTool, Wait
 from acqd.motion.program_file import Program
 from acqd.saving.cycle import Rest
 from acqd.saving.plan import UNIFORM, Change, Cycle, Piece, Timing
@@ -27,7 +28,7 @@ _SPEEDS = (0.25, 0.35, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.15, 1.3, 1.6, 2.0, 2.5)
 _ACCELERATIONS = (0.15, 0.25, 0.4, 0.6, 0.8, 1.0, 1.3, 1.8, 2.5, 4.0)
 _POINT_S = 0.02
 _SLACK = 1 + 1e-6
-_HALVINGS = 30
+_HALVINGS = 16
 
 
 class ChainTiming(Timing):
@@ -53,6 +54,15 @@ class ChainTiming(Timing):
 
     def moves(self, law: str, seconds: float) -> list[Move]:
         """The motions with a duration: with the factors of the next shorter duration, slowed uniformly."""
+        return self._scaled(*self._factors(law, seconds))
+
+    def unlike(self, law: str, seconds: float) -> float:
+        """From the factors: speeds in the middle, and the roots of accelerations where the motion begins and ends."""
+        speed, acceleration = self._factors(law, seconds)
+        return float((np.log(speed) ** 2 + (np.log(acceleration) / 2) ** 2) / 2)
+
+    def _factors(self, law: str, seconds: float) -> tuple[float, float]:
+        """On speeds and accelerations."""
         curve, pairs = self._curves.get(law, self._curves[BOTH])
         number = max(int(np.searchsorted(curve.seconds, seconds + 1e-9, side="right")) - 1, 0)
         speed, acceleration = (1.0, 1.0) if law == UNIFORM else pairs[number]
@@ -65,7 +75,7 @@ class ChainTiming(Timing):
                 low = middle
             else:
                 high = middle
-        return self._scaled(speed / low, acceleration / low**2)
+        return speed / low, acceleration / low**2
 
     def _curve(self, law: str) -> tuple[Curve, list[tuple[float, float]]]:
         may = [
@@ -119,7 +129,19 @@ class ProgramCycle(Cycle):
     def __init__(
         self, program: Program, bounds: Bounds, meter: Meter, least_rest: float
     ) -> None:  # fmt: skip
-        self.meter, self.least_rest, self._program, self._robot = meter, least_rest, program, bounds.robot
+        self.meter, self.least_rest, self._bounds, self._robot = meter, least_rest, bounds, bounds.robot
+        self._judged: dict[bytes, ChainTiming] = {}
+        self._set(program)
+
+    def with_program(self, program: Program, elsewhere_s: float) -> ProgramCycle:
+        """Another program; motions that stay are not judged again."""
+        other = copy(self)
+        other._set(program)
+        other.elsewhere_s = elsewhere_s
+        return other
+
+    def _set(self, program: Program) -> None:
+        self._program, self._judged = program, dict(self._judged)
         self._items: list[list[Step]] = []
         for step in program.steps:
             if isinstance(step, Move) and self._items and isinstance(self._items[-1][-1], Move):
@@ -130,13 +152,32 @@ class ProgramCycle(Cycle):
         at = program.start
         moving = [k for k, item in enumerate(self._items) if isinstance(item[0], Move)]
         for number, item in enumerate(self._items):
-            piece = _piece(item, at, bounds, meter, outer=not moving or not moving[0] < number < moving[-1])
+            piece = self._piece(item, at, outer=not moving or not moving[0] < number < moving[-1])
             if isinstance(item[-1], Move):
                 at = item[-1].target
             if piece is not None:
                 self.pieces.append(piece)
                 self._owner.append(number)
-        self.seconds = program.motion(bounds.robot).seconds
+        self.seconds = program.motion(self._robot).seconds
+
+    def _piece(self, item: Sequence[Step], at: Floats, *, outer: bool) -> Piece | None:
+        first = item[0]
+        if isinstance(first, Move):
+            return self._chain(at, [step for step in item if isinstance(step, Move)])
+        if isinstance(first, Wait | SwitchTool):
+            rows = np.ones(max(round(first.seconds * RATE), 1), bool)
+            return Rest(at, first.seconds, rows, ~rows, isinstance(first, SwitchTool), outer)
+        return None
+
+    def _chain(self, at: Floats, moves: Sequence[Move]) -> ChainTiming | None:
+        """None for motions of no length."""
+        if not plan_chain(at, list(moves), self._robot.speed, self._robot.acceleration).legs:
+            return None
+        rates = [(move.relative_speed, move.relative_acceleration, move.blend_after) for move in moves]
+        key = np.concatenate([at, *(move.target for move in moves), np.ravel(rates)]).tobytes()
+        if key not in self._judged:
+            self._judged[key] = ChainTiming(at, moves, self._bounds, self.meter)
+        return self._judged[key]
 
     def timed(self, change: Change, durations: Sequence[float]) -> tuple[Motion, Program | None]:
         """The program with other motions and pauses, and its motion."""
@@ -153,19 +194,6 @@ class ProgramCycle(Cycle):
             brakes = BrakeSettings(close_after_s=change.brakes_after)
         program = Program(self._program.start, tuple(steps))
         return Controller(self._robot, program.start, brakes).run(steps), program
-
-
-def _piece(item: Sequence[Step], at: Floats, bounds: Bounds, meter: Meter, *, outer: bool) -> Piece | None:
-    first = item[0]
-    if isinstance(first, Move):
-        moves = [step for step in item if isinstance(step, Move)]
-        if not plan_chain(at, moves, bounds.robot.speed, bounds.robot.acceleration).legs:
-            return None
-        return ChainTiming(at, moves, bounds, meter)
-    if isinstance(first, Wait | SwitchTool):
-        rows = np.ones(max(round(first.seconds * 1000), 1), bool)
-        return Rest(at, first.seconds, rows, ~rows, isinstance(first, SwitchTool), outer)
-    return None
 
 
 def _with_time_to_release(steps: Sequence[Step], after_s: float) -> list[Step]:

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
-
 from acqd.errors import UserError
+from acqd.models.effects.cause import Cause
 from acqd.motion.controller import RATE, Motion
 from acqd.motion.program_file import Program
 from acqd.saving.cycle import RELEASE_S, Rest, Stretch, joined, pieces_of
 from acqd.saving.log_cycle import LogCycle
 from acqd.saving.plan import UNIFORM, Change, Cycle
+from acqd.saving.posture import easier_rests, easier_waits
 from acqd.saving.power import Use
 from acqd.saving.program_cycle import ProgramCycle
 from acqd.saving.source import Asked, Subject
@@ -21,8 +21,7 @@ from acqd.saving.time_law import Bounds
 
 Verdict = Literal["saves", "unprovable", "uses more", "no interval"]
 Progress = Callable[[str, float], None]
-_NOTHING_J = 0.05
-"""A saving that rounds to nothing."""
+TOGETHER = "best together"
 _PARETO = (0.85, 0.9, 0.95, 1.0, 1.05, 1.1, 1.2, 1.35, 1.5)
 """Cycle times of the picture, as shares of the old one."""
 
@@ -52,6 +51,19 @@ class Proposal:
 
 
 @dataclass(frozen=True, slots=True)
+class WhatIf:
+    """The motion as it is in another state of the robot."""
+
+    name: str
+    energy: float
+    """J."""
+    saving: float
+    """J a cycle; negative where more is used."""
+    half: float | None
+    """Half the width of the 90 % interval of that, J."""
+
+
+@dataclass(frozen=True, slots=True)
 class Refused:
     """A proposal that was not made."""
 
@@ -70,6 +82,8 @@ class Pareto:
     """J, of plain uniform slowing; NaN for shorter cycles."""
     waiting: list[float]
     """J, of the motion as it is with waiting at its end; NaN for shorter cycles."""
+    standby: list[float]
+    """J that no motion changes, of the best."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -101,6 +115,7 @@ class Savings:
     """At the cycle time that was asked for."""
     refused: list[Refused]
     pareto: Pareto
+    what_ifs: list[WhatIf]
     unknown: list[str]
     """What the model cannot tell."""
 
@@ -115,33 +130,45 @@ class Savings:
         return next(((block, best) for block in (self.equal, self.other) if (best := block.best)), None)
 
 
+Option = tuple[Cycle, Change]
+"""A change of a cycle, whose waits may be elsewhere than they are."""
+
+
 def savings(subject: Subject, asked: Asked, progress: Progress) -> Savings:
     """Make all proposals. Raises UserError."""
     progress("timing the motions", 0.1)
     cycle = _cycle_of(subject, asked)
-    maker = _Maker(subject, cycle)
+    easier = _easier(subject, cycle, asked)
+    maker = _Maker(subject, cycle.seconds)
     brakes = asked.brakes_after if subject.meter.knows_brakes and _closes(cycle, asked.brakes_after) else None
     waits = not asked.keep_waits and any(isinstance(piece, Rest) and cycle.slack(piece) for piece in cycle.pieces)
-    options = [
-        Change(cycle.laws[-1], waits=may, brakes_after=after)
+    together = [
+        (where, Change(cycle.laws[-1], waits=may, brakes_after=after))
+        for where in (cycle, easier)
+        if where is not None
         for may in dict.fromkeys((False, waits))
         for after in dict.fromkeys((None, brakes))
     ]
     progress("judging proposals", 0.7)
-    other_s = asked.seconds if asked.seconds is not None else (1 + asked.longer) * cycle.seconds
-    laws = {name: Change(name) for name in cycle.laws}
-    also: dict[str, Change] = {}
+    laws: dict[str, Option] = {name: (cycle, Change(name)) for name in cycle.laws}
+    also: dict[str, Option] = {}
     if waits:
-        also["plain slowing into the waits"] = Change(UNIFORM, waits=True)
-        also["waits used for motion"] = Change(cycle.laws[-1], waits=True)
+        also["plain slowing into the waits"] = cycle, Change(UNIFORM, waits=True)
+        also["waits used for motion"] = cycle, Change(cycle.laws[-1], waits=True)
     if brakes is not None:
-        also[f"brakes close after {brakes:g} s"] = Change(brakes_after=brakes)
-    equal = maker.block(laws | also, options, cycle.seconds)
-    other = maker.block({"plain uniform slowing": Change(UNIFORM)} | laws, options, other_s)
+        also[f"brakes close after {brakes:g} s"] = cycle, Change(brakes_after=brakes)
+    if easier is not None:
+        also["waits at easier postures"] = easier, Change()
+    other_s = asked.seconds if asked.seconds is not None else (1 + asked.longer) * cycle.seconds
+    equal, best = maker.block(laws | also, together, cycle.seconds)
+    other, _ = maker.block({"plain uniform slowing": (cycle, Change(UNIFORM))} | laws, together, other_s)
     if asked.seconds is not None and not other.proposals:
         raise UserError(f"--longer {asked.seconds:g}s: {maker.refused[-1].reason}")
     progress("energy against cycle time", 0.85)
-    return Savings(subject, asked, equal, other, maker.refused, maker.pareto(options), _unknown(subject))
+    pareto = maker.pareto(best or together[0], (cycle, Change(UNIFORM)))
+    return Savings(
+        subject, asked, equal, other, maker.refused, pareto, maker.what_ifs(asked.payload_kg), _unknown(subject)
+    )
 
 
 def _cycle_of(subject: Subject, asked: Asked) -> Cycle:
@@ -156,6 +183,19 @@ def _cycle_of(subject: Subject, asked: Asked) -> Cycle:
     return LogCycle(pieces, bounds, subject.meter, asked.least_rest)
 
 
+def _easier(subject: Subject, cycle: Cycle, asked: Asked) -> Cycle | None:
+    """The cycle with long waits elsewhere; None where that is of no use or not wanted."""
+    if asked.keep_waits:
+        return None
+    meter, least_rest = subject.meter, asked.least_rest
+    if isinstance(cycle, ProgramCycle) and subject.program is not None:
+        program = easier_waits(subject.program, subject.arm.description, meter, least_rest)
+        return None if program is None else cycle.with_program(program, cycle.seconds)
+    assert isinstance(cycle, LogCycle)
+    parts = easier_rests(cycle.recorded, meter, least_rest)
+    return None if parts is None else cycle.with_parts(parts, cycle.seconds)
+
+
 def _closes(cycle: Cycle, after_s: float) -> bool:
     """Whether a pause is long enough for brakes to close and open."""
     return any(
@@ -166,31 +206,35 @@ def _closes(cycle: Cycle, after_s: float) -> bool:
 class _Maker:
     """Makes proposals of one cycle, and keeps what was refused."""
 
-    def __init__(self, subject: Subject, cycle: Cycle) -> None:
-        self.subject, self.cycle = subject, cycle
+    def __init__(self, subject: Subject, seconds: float) -> None:
+        self.subject, self._seconds = subject, seconds
         self.refused: list[Refused] = []
 
-    def block(self, changes: dict[str, Change], together: list[Change], total_s: float) -> Block:
+    def block(
+        self, options: Mapping[str, Option], together: Sequence[Option], total_s: float
+    ) -> tuple[Block, Option | None]:  # fmt: skip
         """Every change by itself, and the one that saves most of those that change as much as possible."""
         instead = self._as_it_is(total_s)
-        made = [self._kept(name, change, total_s, instead) for name, change in changes.items()]
-        best = [self._kept("best together", change, total_s, instead) for change in together]
-        found = [each for each in best if each]
-        last = [max(found, key=lambda each: each.saving)] if found else []
-        return Block(total_s, instead, [*(each for each in made if each), *last])
+        made = [self._kept(name, option, total_s, instead) for name, option in options.items()]
+        best = [(each, option) for option in together if (each := self._kept(TOGETHER, option, total_s, instead))]
+        proposals = [each for each in made if each]
+        if not best:
+            return Block(total_s, instead, proposals), None
+        most, option = max(best, key=lambda pair: pair[0].saving)
+        return Block(total_s, instead, [*proposals, most]), option
 
     def _as_it_is(self, total_s: float) -> Proposal:
         """The motion as it is, in a longer cycle followed by waiting."""
-        motion, rows = self.subject.motion, max(round((total_s - self.cycle.seconds) * RATE), 0)
+        motion, rows = self.subject.motion, max(round((total_s - self._seconds) * RATE), 0)
         ends = [values[-1:].repeat(rows) for values in (motion.brake_open, motion.tool_on)]
         waiting = Rest(motion.q[-1], rows / RATE, ends[0], ends[1], process=False, outer=True)
         whole = joined([motion, waiting.lasting(rows / RATE, None)])
         return Proposal("as it is, then waiting" if rows else "as it is", whole, None, self._use(whole), 0.0, None)
 
-    def _kept(self, name: str, change: Change, total_s: float, instead: Proposal) -> Proposal | None:
+    def _kept(self, name: str, option: Option, total_s: float, instead: Proposal) -> Proposal | None:
         """None, and a reason among the refused, where a limit would be broken."""
         try:
-            made = self._made(name, change, total_s, instead)
+            made = self._made(name, option, total_s, instead)
         except UserError as error:
             self.refused.append(Refused(name, str(error)))
             return None
@@ -200,34 +244,52 @@ class _Maker:
             return None
         return made
 
-    def _made(self, name: str, change: Change, total_s: float, instead: Proposal) -> Proposal:
-        durations = self.cycle.durations(change, total_s)
-        motion, program = self.cycle.timed(change, durations)
-        use, doubt = self._use(motion), self.subject.doubt
-        changed_s = self.cycle.changed_s(change, durations)
-        half = None if doubt is None else doubt.half_width(instead.use, use, changed_s)
+    def _made(self, name: str, option: Option, total_s: float, instead: Proposal) -> Proposal:
+        cycle, change = option
+        durations = cycle.durations(change, total_s)
+        motion, program = cycle.timed(change, durations)
+        use = self._use(motion)
+        half = self._half(instead.use, use, cycle.unlike_s(change, durations))
         return Proposal(name, motion, program, use, instead.use.energy - use.energy, half)
 
     def _use(self, motion: Motion) -> Use:
         return self.subject.meter.use(motion)
 
-    def pareto(self, options: list[Change]) -> Pareto:
+    def _half(self, before: Use, after: Use, unlike_s: float) -> float | None:
+        doubt = self.subject.doubt
+        return None if doubt is None else doubt.half_width(before, after, unlike_s)
+
+    def pareto(self, best: Option, uniform: Option) -> Pareto:
         """Energy against cycle time, of the best change and of plain uniform slowing."""
-        now = self._as_it_is(self.cycle.seconds)
-        pareto = Pareto([], [], [], [])
+        now = self._as_it_is(self._seconds)
+        pareto = Pareto([], [], [], [], [])
         for share in _PARETO:
-            seconds = share * self.cycle.seconds
+            seconds = share * self._seconds
             try:
-                best = min(self._made("", change, seconds, now).use.energy for change in options)
+                use = self._made("", best, seconds, now).use
             except UserError:
                 continue
             slower = share >= 1.0
-            uniform = self._made("", Change(UNIFORM), seconds, now).use.energy if slower else np.nan
             pareto.seconds.append(seconds)
-            pareto.best.append(best)
-            pareto.uniform.append(float(uniform))
-            pareto.waiting.append(self._as_it_is(seconds).use.energy if slower else np.nan)
+            pareto.best.append(use.energy)
+            pareto.uniform.append(self._made("", uniform, seconds, now).use.energy if slower else float("nan"))
+            pareto.waiting.append(self._as_it_is(seconds).use.energy if slower else float("nan"))
+            pareto.standby.append(use.causes.get(Cause.STANDBY, 0.0))
         return pareto
+
+    def what_ifs(self, payload_kg: float | None) -> list[WhatIf]:
+        """What the motion as it is would have used in another state of the robot."""
+        meter, motion = self.subject.meter, self.subject.motion
+        now = self._use(motion)
+        states: dict[str, Use] = {}
+        if payload_kg is not None:
+            states[f"{payload_kg:+g} kg at the flange"] = meter.with_mass(payload_kg).use(motion)
+        if starts := meter.cold_starts():
+            states["gears as cold as at the start of a session"] = meter.use(motion, min(starts))
+        return [
+            WhatIf(name, use.energy, now.energy - use.energy, self._half(now, use, 2 * now.seconds))
+            for name, use in states.items()
+        ]
 
 
 def _unknown(subject: Subject) -> list[str]:
@@ -235,6 +297,6 @@ def _unknown(subject: Subject) -> list[str]:
     said = []
     if not subject.meter.knows_brakes:
         said.append("brakes: the logs that the model has learned from had no brake signal")
-    if "thermal_friction" not in subject.meter:
-        said.append("warm-up: the model has no friction of cold gears; it predicts warm gears only")
+    if not subject.meter.cold_starts():
+        said.append("warm-up: the loop has added no friction of cold gears to this model; it predicts warm gears only")
     return said

@@ -46,6 +46,8 @@ class Asked:
     least_rest: float = 0.5
     """s that stay of every pause: something settles, or somebody looks."""
     keep_waits: bool = False
+    payload_kg: float | None = None
+    """Change of the mass at the flange."""
     robot: str | None = None
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from acqd.report.digits import duration, number, percent, quantity, with_error
-from acqd.saving.proposals import Block, Proposal, Savings
+from acqd.saving.proposals import Block, Proposal, Savings, WhatIf
 
 HEADER = ["what would be different", "cycle", "energy", "saving", "90 % interval", "verdict"]
 
@@ -36,13 +36,22 @@ def table(block: Block) -> list[list[str]]:
 
 def _row(proposal: Proposal, instead: Proposal) -> list[str]:
     half, saving = proposal.half, proposal.saving
-    interval = "-"
-    if half is not None:
-        interval = f"{with_error(saving - half, half)} to {with_error(saving + half, half)} J"
     shown = f"{number(saving)} J, {percent(saving / instead.use.energy)}"
     return [
-        proposal.name, duration(proposal.use.seconds), joules(proposal.use.energy), shown, interval, proposal.verdict,
+        proposal.name, duration(proposal.use.seconds), joules(proposal.use.energy), shown,
+        _interval(saving, half), proposal.verdict,
     ]  # fmt: skip
+
+
+def _interval(saving: float, half: float | None) -> str:
+    if half is None:
+        return "-"
+    return f"{with_error(saving - half, half)} to {with_error(saving + half, half)} J"
+
+
+def what_if_text(each: WhatIf) -> str:
+    """A sentence."""
+    return f"with {each.name}: {joules(each.energy)}, saving {_interval(each.saving, each.half)}"
 
 
 def as_json(found: Savings) -> dict[str, Any]:
@@ -53,6 +62,10 @@ def as_json(found: Savings) -> dict[str, Any]:
         "robot": subject.arm.description.name, "simulated_power": subject.simulated,
         "equal": _block(found.equal), "other": _block(found.other),
         "not_proposed": [{"name": each.name, "reason": each.reason} for each in found.refused],
+        "what_if": [
+            {"name": each.name, "energy_J": each.energy, "saving_J": each.saving, "half_J": each.half}
+            for each in found.what_ifs
+        ],
         "cannot_tell": found.unknown,
         "outside_of_training": subject.beyond,
         "held_out": None if doubt is None else {"blocks": doubt.blocks, "recordings": doubt.recordings},

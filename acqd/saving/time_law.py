@@ -151,6 +151,11 @@ class Path:
         laws = [law for share in _RELIEF if self.keeps_limits(law := share * found.x, seconds)]
         return min(laws, key=lambda law: self.energy(law, seconds), default=None)
 
+    def unlike(self, law: Floats, seconds: float) -> float:
+        """Mean square of the logarithm of the pace."""
+        pace, _, _ = self._at(law, seconds)
+        return float(self._weights @ pace**2 / self._weights.sum())
+
     def motion_at(self, law: Floats, seconds: float) -> Motion:
         """The stretch by a law, at 1 kHz."""
         old = self.motion
