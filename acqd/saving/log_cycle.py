@@ -68,11 +68,11 @@ class LogCycle(Cycle):
         self._sought: dict[int, StretchTiming] = {}
         self._set(parts)
 
-    def with_parts(self, parts: Sequence[Rest | Stretch], elsewhere_s: float) -> LogCycle:
+    def with_parts(self, parts: Sequence[Rest | Stretch], strange_s: float) -> LogCycle:
         """Other pieces; the laws of stretches that stay are not sought again."""
         other = copy(self)
         other._set(parts)
-        other.elsewhere_s = elsewhere_s
+        other.strange_s = strange_s
         return other
 
     def _set(self, parts: Sequence[Rest | Stretch]) -> None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from acqd.errors import UserError
 from acqd.motion.controller import Motion
 from acqd.motion.program_file import Program
 from acqd.saving.cycle import Rest
@@ -17,6 +18,8 @@ from acqd.saving.sharing import Curve, shared
 
 UNIFORM = "uniform"
 """Law of plain slowing."""
+_FASTEST = 0.2
+"""Duration of a stretch as a share of the old one, below which nothing is tried."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,8 +62,8 @@ class Cycle(ABC):
     least_rest: float
     seconds: float
     """Duration as it is."""
-    elsewhere_s: float = 0.0
-    """Seconds of rest in which the arm is elsewhere than it was, whatever the timing."""
+    strange_s: float = 0.0
+    """As `unlike_s`, of what is elsewhere than it was, whatever the timing."""
 
     @abstractmethod
     def timed(self, change: Change, durations: Sequence[float]) -> tuple[Motion, Program | None]:
@@ -96,6 +99,8 @@ class Cycle(ABC):
         give = [self.slack(each) if isinstance(each, Rest) and change.waits else 0.0 for each in self.pieces]
         moving = sum(each.seconds for each in self.pieces if isinstance(each, Timing))
         factor = (moving + sum(give) + more_s) / moving
+        if factor < _FASTEST:
+            raise UserError(f"a cycle of {self.seconds + more_s:.2f} s cannot be reached by one factor on all speeds")
         return [
             factor * piece.seconds if isinstance(piece, Timing) else piece.seconds - given
             for piece, given in zip(self.pieces, give, strict=True)
@@ -107,16 +112,17 @@ class Cycle(ABC):
         Along one path, an error changes with the speed: by itself over a factor of e, in proportion below. At rest it
         stays the same as long as the rest does.
         """
-        total = _at_rest(self.elsewhere_s)
+        total = self.strange_s
         for piece, seconds in zip(self.pieces, durations, strict=True):
             if isinstance(piece, Rest):
-                total += _at_rest(piece.seconds - seconds)
+                total += at_rest(piece.seconds - seconds)
             elif change.law:
                 total += (piece.seconds + seconds) * min(1.0, piece.unlike(change.law, seconds))
         return total
 
 
-def _at_rest(seconds: float) -> float:
+def at_rest(seconds: float) -> float:
+    """`Cycle.unlike_s` of a rest at one posture."""
     return max(abs(seconds), seconds**2 / BLOCK_S)
 
 

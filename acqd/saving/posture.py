@@ -18,7 +18,7 @@ from acqd.robot.description import RobotDescription
 from acqd.saving.cycle import Rest, Stretch
 from acqd.saving.power import Meter
 
-_LONG_S = 3.0
+LONG_S = 3.0
 """A shorter wait is not worth a stop."""
 _LEAST_W = 1.0
 """Of holding power that a posture has to save."""
@@ -51,7 +51,7 @@ def _moved_wait(rest: Rest, after: Stretch, meter: Meter, least_rest: float) -> 
     """What stays of a wait, the wait elsewhere, and the row of the next stretch at which that is."""
     left_s = rest.seconds - least_rest - 2 * _RAMP_S
     margin = round(_RAMP_S * RATE)
-    if not rest.free or left_s < _LONG_S or not rest.brake_open.all() or len(after.motion) < 3 * margin:
+    if not rest.free or left_s < LONG_S or not rest.brake_open.all() or len(after.motion) < 3 * margin:
         return None
     rows = np.linspace(margin, len(after.motion) - margin, _PLACES).astype(int)
     power = meter.holding(after.motion.q[rows])
@@ -127,7 +127,7 @@ def easier_waits(program: Program, robot: RobotDescription, meter: Meter, least_
         begun = any(isinstance(each, Move) for each in steps[:number])
         if isinstance(step, Move):
             at = step.target
-        if not isinstance(step, Wait) or following is None or not begun or step.seconds < least_rest + _LONG_S:
+        if not isinstance(step, Wait) or following is None or not begun or step.seconds < least_rest + LONG_S:
             out.append(step)
             continue
         shares = np.linspace(0.0, 1.0, _PLACES)[1:-1]

@@ -12,6 +12,7 @@ from dataclasses import replace
 from itertools import product
 
 import numpy as np
+from scipy.optimize import brentq
 
 from acqd.arrays import Floats
 from acqd.motion.chain import Chain, Move, plan_chain
@@ -28,7 +29,7 @@ _SPEEDS = (0.25, 0.35, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.15, 1.3, 1.6, 2.0, 2.5)
 _ACCELERATIONS = (0.15, 0.25, 0.4, 0.6, 0.8, 1.0, 1.3, 1.8, 2.5, 4.0)
 _POINT_S = 0.02
 _SLACK = 1 + 1e-6
-_HALVINGS = 16
+_SLOWEST, _EXACT = 100.0, 1e-4
 
 
 class ChainTiming(Timing):
@@ -38,6 +39,7 @@ class ChainTiming(Timing):
 
     def __init__(self, origin: Floats, moves: Sequence[Move], bounds: Bounds, meter: Meter) -> None:
         self._origin, self._moves, self._bounds, self._meter = origin, list(moves), bounds, meter
+        self._known: dict[tuple[str, float], tuple[float, float]] = {}
         self.seconds = self._chain(1.0, 1.0).duration
         pairs = [(v, a) for v, a in product(_SPEEDS, _ACCELERATIONS) if (v == 1.0 and a == 1.0) or self._may(v, a)]
         chains = [self._chain(*pair) for pair in pairs]
@@ -63,19 +65,23 @@ class ChainTiming(Timing):
 
     def _factors(self, law: str, seconds: float) -> tuple[float, float]:
         """On speeds and accelerations."""
+        if (law, seconds) not in self._known:
+            self._known[law, seconds] = self._sought(law, seconds)
+        return self._known[law, seconds]
+
+    def _sought(self, law: str, seconds: float) -> tuple[float, float]:
         curve, pairs = self._curves.get(law, self._curves[BOTH])
         number = max(int(np.searchsorted(curve.seconds, seconds + 1e-9, side="right")) - 1, 0)
         speed, acceleration = (1.0, 1.0) if law == UNIFORM else pairs[number]
-        low, high = 1.0, 1.0
-        while self._chain(speed / high, acceleration / high**2).duration < seconds and high < 100:
-            high *= 1.5
-        for _ in range(_HALVINGS):
-            middle = (low + high) / 2
-            if self._chain(speed / middle, acceleration / middle**2).duration <= seconds + 1e-9:
-                low = middle
-            else:
-                high = middle
-        return speed / low, acceleration / low**2
+
+        def late(slower: float) -> float:
+            return self._chain(speed / slower, acceleration / slower**2).duration - seconds
+
+        slowest = 1.0
+        while late(slowest) < 0 and slowest < _SLOWEST:
+            slowest *= 1.5
+        slower = brentq(late, 1.0, slowest, xtol=_EXACT) if late(1.0) < 0 < late(slowest) else 1.0
+        return speed / slower, acceleration / slower**2
 
     def _curve(self, law: str) -> tuple[Curve, list[tuple[float, float]]]:
         may = [
@@ -133,11 +139,11 @@ class ProgramCycle(Cycle):
         self._judged: dict[bytes, ChainTiming] = {}
         self._set(program)
 
-    def with_program(self, program: Program, elsewhere_s: float) -> ProgramCycle:
+    def with_program(self, program: Program, strange_s: float) -> ProgramCycle:
         """Another program; motions that stay are not judged again."""
         other = copy(self)
         other._set(program)
-        other.elsewhere_s = elsewhere_s
+        other.strange_s = strange_s
         return other
 
     def _set(self, program: Program) -> None:

@@ -12,8 +12,8 @@ from acqd.motion.controller import RATE, Motion
 from acqd.motion.program_file import Program
 from acqd.saving.cycle import RELEASE_S, Rest, Stretch, joined, pieces_of
 from acqd.saving.log_cycle import LogCycle
-from acqd.saving.plan import UNIFORM, Change, Cycle
-from acqd.saving.posture import easier_rests, easier_waits
+from acqd.saving.plan import UNIFORM, Change, Cycle, at_rest
+from acqd.saving.posture import LONG_S, easier_rests, easier_waits
 from acqd.saving.power import Use
 from acqd.saving.program_cycle import ProgramCycle
 from acqd.saving.source import Asked, Subject
@@ -188,12 +188,14 @@ def _easier(subject: Subject, cycle: Cycle, asked: Asked) -> Cycle | None:
     if asked.keep_waits:
         return None
     meter, least_rest = subject.meter, asked.least_rest
+    rests = [piece for piece in cycle.pieces if isinstance(piece, Rest)]
+    moved = sum(2 * at_rest(cycle.slack(rest)) for rest in rests if cycle.slack(rest) > LONG_S)
     if isinstance(cycle, ProgramCycle) and subject.program is not None:
         program = easier_waits(subject.program, subject.arm.description, meter, least_rest)
-        return None if program is None else cycle.with_program(program, cycle.seconds)
+        return None if program is None else cycle.with_program(program, moved)
     assert isinstance(cycle, LogCycle)
     parts = easier_rests(cycle.recorded, meter, least_rest)
-    return None if parts is None else cycle.with_parts(parts, cycle.seconds)
+    return None if parts is None else cycle.with_parts(parts, moved)
 
 
 def _closes(cycle: Cycle, after_s: float) -> bool:

@@ -69,7 +69,8 @@ def judged(runner: Runner, number: int, seconds: float) -> list[dict[str, Any]]:
         whole = _waiting(program, waiting)
         before = energy(plant, whole, np.ones(len(whole.q)))
         for each in block.proposals:
-            motion = replayed(timed_joints(each.motion))
+            longer_s = each.use.seconds - found.before.seconds
+            motion = replayed(timed_joints(each.motion), len(program.q) + round(longer_s / STEP_S))
             after = energy(plant, motion, _brakes(each, len(motion.q), signals=plant.signals))
             lines.append(
                 {

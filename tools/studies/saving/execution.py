@@ -51,11 +51,14 @@ def write_log(path: Path, motion: Executed, signals: bool, random: np.random.Gen
     path.write_text("\n".join([*lines, ""]))
 
 
-def replayed(text: str) -> Executed:
-    """A CSV of timed joints as the controller of the plant interpolates it."""
+def replayed(text: str, rows: int) -> Executed:
+    """A CSV of timed joints as the controller of the plant interpolates it, `rows` long; the arm rests at its end.
+
+    A log ends up to two rows before the motion does. Those rows must not count as saved.
+    """
     table = np.array([line.split(",") for line in text.splitlines()[1:]], dtype=float)
     spline = CubicSpline(table[:, 0], table[:, 1:], bc_type="clamped")
-    t = np.arange(0.0, table[-1, 0] + 1e-9, STEP_S)
+    t = np.minimum(STEP_S * np.arange(rows), table[-1, 0])
     return Executed(spline(t), spline(t, 1), spline(t, 2))
 
 
