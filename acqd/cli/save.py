@@ -39,6 +39,9 @@ def save(
     ] = 2.0,
     least_rest: Annotated[float, typer.Option(min=0, max=600, help="s that stay of every pause.")] = 0.5,
     keep_waits: Annotated[bool, typer.Option("--keep-waits", help="Pauses keep their durations.")] = False,
+    free_order: Annotated[
+        bool, typer.Option("--free-order", help="The points of a program may be visited in any order.")
+    ] = False,
     payload: Annotated[
         float | None,
         typer.Option(min=-20, max=20, help="kg: also say what so much more at the flange would use."),
@@ -61,7 +64,7 @@ def save(
 
     share, seconds = _longer(longer)
     box, speed = _box(workspace), limit_speed / 100
-    asked = Asked(share, seconds, scene, box, speed, brakes_after, least_rest, keep_waits, payload, robot)
+    asked = Asked(share, seconds, scene, box, speed, brakes_after, least_rest, keep_waits, payload, free_order, robot)
     folder = out or default_folder(work, "save")
     require_writable(folder)
     with progress(terminal(stderr=True)) as show_step:

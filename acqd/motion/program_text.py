@@ -21,14 +21,18 @@ _STREAM_S = 0.02
 """Between two positions that are streamed to a controller."""
 
 
-def timed_joints(motion: Motion) -> str:
-    """CSV of time [s] and joints [rad] at 100 Hz, which `acqd lab execute` replays."""
+def timed_joints(motion: Motion, *, signals: bool = False) -> str:
+    """CSV of time [s] and joints [rad] at 100 Hz, which `acqd lab execute` replays.
+
+    `signals` adds brake (1: open) and tool, 0 or 1.
+    """
     every = RATE // _ROWS_PER_S
-    header = ",".join(["time", *(f"q{axis + 1}" for axis in range(motion.q.shape[1]))])
-    rows = (
-        ",".join([f"{k / RATE:.2f}", *(f"{value:.6f}" for value in motion.q[k])]) for k in range(0, len(motion), every)
-    )
-    return "\n".join([header, *rows, ""])
+    header = ["time", *(f"q{axis + 1}" for axis in range(motion.q.shape[1])), *(["brake", "tool"] if signals else [])]
+    lines = [",".join(header)]
+    for k in range(0, len(motion), every):
+        states = [str(int(motion.brake_open[k])), str(int(motion.tool_on[k]))] if signals else []
+        lines.append(",".join([f"{k / RATE:.2f}", *(f"{value:.6f}" for value in motion.q[k]), *states]))
+    return "\n".join([*lines, ""])
 
 
 def programs(

@@ -12,6 +12,7 @@ from acqd.motion.controller import RATE, Motion
 from acqd.motion.program_file import Program
 from acqd.saving.cycle import RELEASE_S, Rest, Stretch, joined, pieces_of
 from acqd.saving.log_cycle import LogCycle
+from acqd.saving.order import reordered
 from acqd.saving.plan import UNIFORM, Change, Cycle, at_rest
 from acqd.saving.posture import LONG_S, easier_rests, easier_waits
 from acqd.saving.power import Use
@@ -39,6 +40,8 @@ class Proposal:
     """J a cycle."""
     half: float | None
     """Half the width of its 90 % interval, J; None without held-out recordings."""
+    brakes_after: float | None = None
+    """s of standstill after which the brakes have to close; None: as they did."""
 
     @property
     def verdict(self) -> Verdict:
@@ -142,9 +145,10 @@ def savings(subject: Subject, asked: Asked, progress: Progress) -> Savings:
     maker = _Maker(subject, cycle.seconds)
     brakes = asked.brakes_after if subject.meter.knows_brakes and _closes(cycle, asked.brakes_after) else None
     waits = not asked.keep_waits and any(isinstance(piece, Rest) and cycle.slack(piece) for piece in cycle.pieces)
+    ordered = _ordered(subject, cycle) if asked.free_order else None
     together = [
         (where, Change(cycle.laws[-1], waits=may, brakes_after=after))
-        for where in (cycle, easier)
+        for where in (cycle, easier, ordered)
         if where is not None
         for may in dict.fromkeys((False, waits))
         for after in dict.fromkeys((None, brakes))
@@ -159,6 +163,8 @@ def savings(subject: Subject, asked: Asked, progress: Progress) -> Savings:
         also[f"brakes close after {brakes:g} s"] = cycle, Change(brakes_after=brakes)
     if easier is not None:
         also["waits at easier postures"] = easier, Change()
+    if ordered is not None:
+        also["another order of points"] = ordered, Change(cycle.laws[-1])
     other_s = asked.seconds if asked.seconds is not None else (1 + asked.longer) * cycle.seconds
     equal, best = maker.block(laws | also, together, cycle.seconds)
     other, _ = maker.block({"plain uniform slowing": (cycle, Change(UNIFORM))} | laws, together, other_s)
@@ -196,6 +202,14 @@ def _easier(subject: Subject, cycle: Cycle, asked: Asked) -> Cycle | None:
     assert isinstance(cycle, LogCycle)
     parts = easier_rests(cycle.recorded, meter, least_rest)
     return None if parts is None else cycle.with_parts(parts, moved)
+
+
+def _ordered(subject: Subject, cycle: Cycle) -> Cycle | None:
+    """The cycle with its points in the best order; None where it has that."""
+    assert subject.program is not None and isinstance(cycle, ProgramCycle)
+    robot, checker = subject.arm.description, subject.limits.checker
+    program = reordered(subject.program, robot, checker, subject.meter)
+    return None if program is None else cycle.with_program(program, 2 * cycle.seconds)
 
 
 def _closes(cycle: Cycle, after_s: float) -> bool:
@@ -252,7 +266,7 @@ class _Maker:
         motion, program = cycle.timed(change, durations)
         use = self._use(motion)
         half = self._half(instead.use, use, cycle.unlike_s(change, durations))
-        return Proposal(name, motion, program, use, instead.use.energy - use.energy, half)
+        return Proposal(name, motion, program, use, instead.use.energy - use.energy, half, change.brakes_after)
 
     def _use(self, motion: Motion) -> Use:
         return self.subject.meter.use(motion)

@@ -23,6 +23,7 @@ from acqd.robot.description import RobotDescription, load_description
 from acqd.robot.log import read_log
 from acqd.robot.scene import load_scene
 from acqd.saving.doubt import Doubt
+from acqd.saving.order import require_free_order
 from acqd.saving.power import Meter
 
 _STILL = 1e-3
@@ -48,6 +49,8 @@ class Asked:
     keep_waits: bool = False
     payload_kg: float | None = None
     """Change of the mass at the flange."""
+    free_order: bool = False
+    """Whether the points of a program may be visited in any order."""
     robot: str | None = None
 
 
@@ -89,6 +92,8 @@ def opened(model_path: Path, path: Path, asked: Asked) -> Subject:
             "add capsules to the links (docs/robots.md)"
         )
     program = read_program(path, robot) if path.suffix == ".toml" else None
+    if asked.free_order:
+        require_free_order(program, path)
     motion = _logged(path, robot) if program is None else program.motion(robot)
     if not len(motion) or np.ptp(motion.q, axis=0).max() < _STILL:
         raise UserError(f"{path}: the arm does not move: there is nothing to save by another motion")

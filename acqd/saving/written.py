@@ -22,6 +22,8 @@ _CHECK = (
     "reach, tool, load, people, and whether the process allows other times. Collisions were checked for the described "
     "arm in scene '{scene}' only, and not on the way to the start: drive there by hand. Run it at reduced speed first."
 )
+_BRAKES = " The controller has to close the brakes after {after:g} s of standstill."
+_UNBLENDED = " Corners are blended in program.toml and not here, so that this program takes longer."
 
 
 def require_writable(folder: Path) -> None:
@@ -46,9 +48,13 @@ def _texts(found: Savings, proposal: Proposal) -> dict[str, str]:
     """Text by file name."""
     robot, motion = found.subject.arm.description, proposal.motion
     warning = _CHECK.format(robot=robot.name, seconds=motion.seconds, scene=found.asked.scene)
+    if proposal.brakes_after is not None:
+        warning += _BRAKES.format(after=proposal.brakes_after)
     start = Move(motion.q[0], _SLOWLY, _SLOWLY)
-    texts = {"motion.csv": timed_joints(motion)}
+    texts = {"motion.csv": timed_joints(motion, signals=True)}
     if proposal.program is None:
         return texts | streamed(robot, start, motion, warning, "acqd_save")
     texts["program.toml"] = program_text(proposal.program, robot, warning)
+    if any(isinstance(step, Move) and step.blend_after < 1 for step in proposal.program.steps):
+        warning += _UNBLENDED
     return texts | programs(robot, start, proposal.program.steps, warning, "acqd_save")

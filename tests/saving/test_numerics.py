@@ -14,8 +14,12 @@ from acqd.motion.chain import Move
 from acqd.motion.controller import RATE, Wait
 from acqd.motion.limits import greatest_jerk
 from acqd.motion.program_file import Program
+from acqd.robot.arm import Arm
+from acqd.robot.collision import CollisionChecker
+from acqd.robot.scene import load_scene
 from acqd.saving.cycle import Rest, Stretch, joined, pieces_of
 from acqd.saving.doubt import Doubt
+from acqd.saving.order import _exact, _exchanged, reordered
 from acqd.saving.posture import easier_rests, easier_waits
 from acqd.saving.power import Meter
 from acqd.saving.sharing import Curve, shared
@@ -158,3 +162,23 @@ def test_a_long_wait_with_a_stretched_arm_moves_to_where_holding_is_easier(model
         far = np.abs(new.q[::50, None] - motion.q[None, ::20]).max(axis=2).min(axis=1)
         assert far.max() < 0.02  # along the path
     assert easier_rests(pieces_of(Program(HOME, steps[::2]).motion(ROBOT)), meter, 0.5) is None
+
+
+def test_points_in_a_bad_order_are_visited_on_the_shortest_round(model):
+    """Turns of the first joint by 10, 50, 20, 40, 30 degrees and home: upwards, or downwards, is the best round."""
+    points = [HOME + np.radians([turn, 0, 0, 0, 0, 0]) for turn in (10, 50, 20, 40, 30)]
+    steps = [step for point in points for step in (Move(point, 0.3, 0.3, 0.6), Wait(0.2 + point[0]))]
+    program = Program(HOME, (Wait(0.3), *steps, Move(HOME, 0.3, 0.3)))
+    checker = CollisionChecker(Arm(ROBOT), load_scene("free"))
+    again = reordered(program, ROBOT, checker, Meter(model, ""))
+    moves = [step for step in again.steps if isinstance(step, Move)]
+    turns = np.degrees([move.target[0] for move in moves])
+    ways = np.abs(np.diff([0.0, *turns]))
+    assert ways.sum() == pytest.approx(100) and turns[-1] == 0
+    for k, step in enumerate(again.steps[:-1]):  # every point keeps its wait
+        if isinstance(step, Move):
+            assert again.steps[k + 1].seconds == pytest.approx(0.2 + step.target[0])
+    cost = np.abs(np.subtract.outer([0.0, 10, 50, 20, 40, 30, 0], [0.0, 10, 50, 20, 40, 30, 0]))
+    for found in (_exact(cost), _exchanged(cost)):
+        assert cost[[0, *found[:-1]], found].sum() == 100
+    assert reordered(again, ROBOT, checker, Meter(model, "")) is None

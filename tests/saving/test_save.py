@@ -92,6 +92,8 @@ def test_what_is_written_keeps_path_and_limits_and_uses_what_was_said(said, plac
         ("other.toml", (), "is a program of ur3e, not of ur10e"),
         ("empty.toml", (), "a step has either to, or wait"),
         ("absent.csv", (), "cannot be read"),
+        ("log.csv", ("--free-order",), "--free-order needs a program file"),
+        ("program.toml", ("--free-order",), "switches the tool"),
     ],
 )
 def test_bad_input_is_refused_in_one_line(work, options, message, place):
