@@ -18,8 +18,6 @@ from acqd.saving.sharing import Curve, shared
 
 UNIFORM = "uniform"
 """Law of plain slowing."""
-_FASTEST = 0.2
-"""Duration of a stretch as a share of the old one, below which nothing is tried."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +46,10 @@ class Timing(ABC):
 
     @abstractmethod
     def unlike(self, law: str, seconds: float) -> float:
-        """Mean square of the logarithm of the ratio of speeds, of a law with a duration to the stretch as it is."""
+        """How unlike the stretch as it is a law with a duration is: 1 at speeds that are another by a factor of e.
+
+        The square of the logarithm of the ratio of speeds, where that is the same everywhere.
+        """
 
 
 Piece = Rest | Timing
@@ -92,15 +93,16 @@ class Cycle(ABC):
                 curves.append(Curve.pause(piece.seconds - self.slack(piece), power))
             else:
                 curves.append(_as_it_is(piece.seconds))
-        return shared(curves, sum(piece.seconds for piece in self.pieces) + more_s)
+        in_pieces = sum(piece.seconds for piece in self.pieces)
+        return shared(curves, in_pieces + more_s, self.seconds - in_pieces)
 
     def _slowed(self, change: Change, more_s: float) -> list[float]:
         """All stretches by one factor; pauses give what they can."""
         give = [self.slack(each) if isinstance(each, Rest) and change.waits else 0.0 for each in self.pieces]
         moving = sum(each.seconds for each in self.pieces if isinstance(each, Timing))
         factor = (moving + sum(give) + more_s) / moving
-        if factor < _FASTEST:
-            raise UserError(f"a cycle of {self.seconds + more_s:.2f} s cannot be reached by one factor on all speeds")
+        if factor < 1 - 1e-9:
+            raise UserError(f"slowing makes no cycle of {self.seconds + more_s:.2f} s from one of {self.seconds:.2f} s")
         return [
             factor * piece.seconds if isinstance(piece, Timing) else piece.seconds - given
             for piece, given in zip(self.pieces, give, strict=True)

@@ -172,9 +172,8 @@ def savings(subject: Subject, asked: Asked, progress: Progress) -> Savings:
         raise UserError(f"--longer {asked.seconds:g}s: {maker.refused[-1].reason}")
     progress("energy against cycle time", 0.85)
     pareto = maker.pareto(best or together[0], (cycle, Change(UNIFORM)))
-    return Savings(
-        subject, asked, equal, other, maker.refused, pareto, maker.what_ifs(asked.payload_kg), _unknown(subject)
-    )
+    refused = list(dict.fromkeys(maker.refused))
+    return Savings(subject, asked, equal, other, refused, pareto, maker.what_ifs(asked.payload_kg), _unknown(subject))
 
 
 def _cycle_of(subject: Subject, asked: Asked) -> Cycle:

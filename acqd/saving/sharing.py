@@ -52,13 +52,17 @@ class Curve:
         return cls(ends, power_W * (ends - least_s), np.arange(2))
 
 
-def shared(curves: Sequence[Curve], total_s: float) -> list[float]:
-    """The duration of every piece, s, for a given sum. Raises UserError where the pieces cannot be so fast."""
+def shared(curves: Sequence[Curve], total_s: float, besides_s: float = 0.0) -> list[float]:
+    """The duration of every piece, s, for a given sum; `besides_s`: what else belongs to the cycle.
+
+    Raises UserError where the pieces cannot be so fast.
+    """
     durations = [float(curve.seconds[0]) for curve in curves]
     left = total_s - sum(durations)
     if left < -1e-6:
         raise UserError(
-            f"a cycle of {total_s:.2f} s cannot be reached: within the limits the shortest is {sum(durations):.2f} s"
+            f"a cycle of {total_s + besides_s:.2f} s cannot be reached: within the limits the shortest is "
+            f"{sum(durations) + besides_s:.2f} s"
         )
     parts = [
         (float(slope), owner, float(length))

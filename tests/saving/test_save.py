@@ -5,6 +5,9 @@ import json
 import numpy as np
 import pytest
 
+from acqd.lab.cell import build_cell
+from acqd.lab.settings import LabSettings
+from acqd.lab.single_run import _load
 from acqd.models.bundle.restore import open_model
 from acqd.motion.controller import BrakeSettings, Controller
 from acqd.motion.limits import MotionLimits
@@ -78,12 +81,18 @@ def test_what_is_written_keeps_path_and_limits_and_uses_what_was_said(said, plac
     assert "simulated" in page and "<script src" not in page
 
 
+def test_the_laboratory_executes_a_program_file(place, program):
+    cell = build_cell(LabSettings(robot="ur10e"))
+    task = _load(cell, place / "program.toml")
+    assert np.allclose(task.motion(Controller(ROBOT, task.start)).q, program.motion(ROBOT).q, atol=1e-6)
+
+
 @pytest.mark.parametrize(
     ("work", "options", "message"),
     [
         ("log.csv", ("--robot", "ur3e"), "is a model of ur10e, not of ur3e"),
         ("still.csv", (), "the arm does not move"),
-        ("log.csv", ("--longer", "2s"), "cannot be reached: within the limits the shortest is"),
+        ("short.toml", ("--longer", "0.5s"), "cannot be reached: within the limits the shortest is"),
         ("log.csv", ("--longer", "much"), "expected percent"),
         ("log.csv", ("--workspace", "0", "0", "0", "0.1", "0.1", "0.1"), "(workspace)"),
         ("log.csv", ("--limit-speed", "5"), "(speed of"),
@@ -100,7 +109,7 @@ def test_bad_input_is_refused_in_one_line(work, options, message, place):
     far = 'robot = "ur10e"\nstart = [0, -80, 80, -90, -90, 0]\n[[step]]\nto = [0, -80, 200, -90, -90, 0]\n'
     texts = {
         "far.toml": far, "itself.toml": far.replace("200", "175"), "other.toml": far.replace("ur10e", "ur3e"),
-        "empty.toml": far.partition("to =")[0],
+        "short.toml": far.replace("200", "90"), "empty.toml": far.partition("to =")[0],
         "still.csv": "time,q1,q2,q3,q4,q5,q6\n" + "".join(f"{k / 25},0,-1,1,0,0,0\n" for k in range(100)),
     }  # fmt: skip
     for name, text in texts.items():
