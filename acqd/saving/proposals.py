@@ -310,6 +310,8 @@ class _Maker:
 def _unknown(subject: Subject) -> list[str]:
     """What the model cannot tell, in sentences."""
     said = []
+    if not subject.motion.tool_on.any():
+        said.append("which pauses the process needs: no tool switches in this motion; --keep-waits keeps all of them")
     if not subject.meter.knows_brakes:
         said.append("brakes: the logs that the model has learned from had no brake signal")
     if not subject.meter.cold_starts():

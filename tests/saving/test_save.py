@@ -51,6 +51,8 @@ def test_the_best_saves_at_equal_cycle_time_and_more_than_plain_slowing(said):
             assert low <= each["saving_J"] <= high
             assert (each["verdict"] == "unprovable") == (low <= 0 <= high)
     assert told["equal"]["instead"]["name"] == "as it is"
+    log = told["work"].endswith(".csv")  # without the signal of the tool
+    assert any("which pauses the process needs" in text for text in told["cannot_tell"]) == log
     assert told["other"]["instead"]["energy_J"] > told["equal"]["instead"]["energy_J"]
     assert told["what_if"][0]["saving_J"] < 0  # half a kilogram more
 
