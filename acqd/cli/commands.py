@@ -56,6 +56,7 @@ _COMMANDS = (
     _Command("archive", _MEASURE, "samples kept: export", group=True),
     _Command("sink", _COUNT, "rows from MQTT into SQL", group=True),
     _Command("energy", _COUNT, "kWh, cost and causes", group=True, room="energy.app"),
+    _Command("save", _COUNT, "motion that uses less"),
     _Command("en50160", _COUNT, "a week of the voltage"),
     _Command("lab", _RECORD, "virtual robot and mains", group=True),
     _Command("dataset", _RECORD, "power and motion merged", group=True),

@@ -13,16 +13,13 @@ import numpy as np
 from acqd.arrays import Floats
 from acqd.errors import UserError
 from acqd.models.segments import Segment
-from acqd.motion.controller import RATE, Motion
+from acqd.motion.controller import Motion
+from acqd.motion.limits import MotionLimits, within
 from acqd.residual.thresholds import NOISE
 from acqd.robot.arm import Arm
 from acqd.robot.collision import CollisionChecker
-from acqd.robot.dynamics import inverse_dynamics
-from acqd.robot.kinematics import forward_kinematics
 from acqd.robot.scene import Scene
 
-_CHECK_S = 0.02
-"""Between two configurations that are checked: at 1 m/s 2 cm, less than the radius of a capsule."""
 _USUAL = 99.5
 """Percentile of measured speeds and accelerations that counts as their limit: single rows may be wrong."""
 _POSTURES = 400
@@ -65,7 +62,7 @@ class Space:
         q = np.concatenate([segment.q for segment in segments])
         q = q[np.linspace(0, len(q) - 1, min(_POSTURES, len(q))).astype(int)]
         checker = CollisionChecker(arm, scene)
-        inside = _within(arm, q, workspace) & np.array([not checker.collides(row) for row in q])
+        inside = within(arm, q, workspace) & np.array([not checker.collides(row) for row in q])
         if not inside.any():
             raise UserError(
                 f"none of {len(q)} measured positions of {robot.name} lies in the workspace and is free of collisions "
@@ -107,36 +104,5 @@ class Space:
         return [int(axis) for axis in np.flatnonzero((self.high - self.low > least) & (self.speed > 0))]
 
     def broken_limit(self, motion: Motion) -> str | None:
-        """The first limit that a motion exceeds, in words; None: it keeps all of them.
-
-        Positions, speeds and accelerations of the axes, torques of the described arm (without a payload), collisions
-        and the workspace.
-        """
-        robot, slack = self.arm.description, 1 + 1e-6
-        rows = slice(None, None, int(_CHECK_S * RATE))
-        q, qd, qdd = motion.q[rows], motion.qd[rows], motion.qdd[rows]
-        torque = inverse_dynamics(self.arm, q, qd, qdd)
-        for axis, joint in enumerate(robot.joint):
-            values = {
-                "position": max(
-                    motion.q[:, axis].max() - robot.upper[axis], robot.lower[axis] - motion.q[:, axis].min()
-                )
-                <= 1e-9,
-                "speed": np.abs(motion.qd[:, axis]).max() <= self.speed[axis] * slack,
-                "acceleration": np.abs(motion.qdd[:, axis]).max() <= self.acceleration[axis] * slack,
-                "torque": np.abs(torque[:, axis]).max() <= robot.effort[axis] * slack,
-            }
-            for what, kept in values.items():
-                if not kept:
-                    return f"{what} of {joint.name}"
-        if not _within(self.arm, q, self.workspace).all():
-            return "workspace"
-        return "collision" if self.checker.path_collides(q) else None
-
-
-def _within(arm: Arm, q: Floats, box: tuple[float, ...] | None) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    """[T] whether the flange is in a box."""
-    if box is None:
-        return np.ones(len(q), dtype=bool)
-    position, _ = forward_kinematics(arm, q)
-    return np.asarray(((position >= box[:3]) & (position <= box[3:])).all(axis=1))
+        """The first limit that a motion exceeds, in words; None: it keeps all of them."""
+        return MotionLimits(self.arm, self.checker, self.speed, self.acceleration, self.workspace).broken(motion)

@@ -21,6 +21,7 @@ from acqd.lab.settings import LabSettings
 from acqd.metering import WindowBatch
 from acqd.metering.block import Codes
 from acqd.motion.controller import Controller, Motion, Phase, Wait
+from acqd.motion.program_file import read_program
 from acqd.motion.replayed_log import motion_of
 from acqd.motion.trajectory import read_trajectory
 from acqd.robot.collision import require_free
@@ -95,7 +96,11 @@ class _Task:
 
 
 def _load(cell: Cell, source: Path) -> _Task:
-    """A trajectory, or the motion of a robot log; the columns of the file decide. Raises InputError."""
+    """A program file, a trajectory, or the motion of a robot log; the columns of a table decide. Raises InputError."""
+    if source.suffix == ".toml":
+        given = read_program(source, cell.robot)
+        require_free(cell.checker, given.start, f"the start of {source}", cell.scene.name)
+        return _Task(source.stem, given.start, lambda controller: controller.run(list(given.steps)))
     table = read_table(source)
     if table.header is None:  # a trajectory, unless this robot's logs have no header
         is_log = any(not layout.header for layout in cell.robot.log) and table.values.shape[1] != cell.robot.axes

@@ -12,7 +12,8 @@ import numpy as np
 
 from acqd.arrays import Floats
 
-_SMOOTHING_S = 0.06
+SMOOTHING_S = 0.06
+"""Width of the moving average: jerk stays below acceleration divided by it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,7 +22,7 @@ class Profile:
 
     ramp: float
     cruise: float
-    smoothing: float = _SMOOTHING_S
+    smoothing: float = SMOOTHING_S
 
     @property
     def duration(self) -> float:

@@ -9,9 +9,9 @@ import pytest
 from acqd.errors import UserError
 from acqd.experiment.pieces import motion_of, pieces_of
 from acqd.experiment.space import Space
-from acqd.experiment.written import programs
 from acqd.motion.chain import Move
 from acqd.motion.controller import Wait
+from acqd.motion.program_text import programs
 from acqd.robot.arm import Arm
 from acqd.robot.kinematics import forward_kinematics
 from acqd.robot.scene import Scene, load_scene
@@ -110,7 +110,7 @@ def test_a_robot_without_capsules_is_refused(segments):
 
 def test_a_script_holds_every_position_once_in_turn(pieces, space):
     steps = (*pieces[0].steps, *pieces[1].steps)
-    text = programs(ROBOT, Move(space.home, 0.05, 0.05), steps, "check it")["program.script"]
+    text = programs(ROBOT, Move(space.home, 0.05, 0.05), steps, "check it", "acqd_next")["program.script"]
     targets = [step.target for step in steps if isinstance(step, Move)]
     lines = [line for line in text.splitlines() if "movej" in line]
     written = [np.array([float(x) for x in line.split("[")[1].split("]")[0].split(",")]) for line in lines]
@@ -122,6 +122,6 @@ def test_a_script_holds_every_position_once_in_turn(pieces, space):
 
 def test_a_seven_axis_arm_gets_a_snippet_with_shares_of_its_limits():
     steps = (Move(np.full(7, 0.3), 0.25, 0.5), Wait(1.0), Wait(0.5), Move(np.zeros(7), 0.25, 0.5))
-    text = programs(IIWA, Move(np.zeros(7), 0.05, 0.05), steps, "check it")["Program.java"]
+    text = programs(IIWA, Move(np.zeros(7), 0.05, 0.05), steps, "check it", "acqd_next")["Program.java"]
     assert text.count("robot.move(ptp(") == 3
     assert "setJointVelocityRel(0.2500)" in text and "ThreadUtil.milliSleep(1500);" in text

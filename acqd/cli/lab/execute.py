@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def execute(
-    file: Annotated[Path, typer.Argument(help="Trajectory (CSV in degrees), or a robot log to replay.")],
+    file: Annotated[Path, typer.Argument(help="Trajectory (CSV in degrees), program (.toml), or a robot log.")],
     out: Annotated[Path | None, typer.Option(help="Folder for rows, log, truth and report.")] = None,
     live: Annotated[bool, typer.Option("--live", help="Run in real time through the daemon, over MQTT.")] = False,
     waveform: Annotated[bool, typer.Option("--waveform", help="Also write the 20 kHz samples (NPZ).")] = False,

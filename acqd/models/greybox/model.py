@@ -111,9 +111,14 @@ class GreyBox(Predictor):
 
     def motor_torque(self, q: Floats, qd: Floats, qdd: Floats) -> tuple[Floats, Floats]:
         """Rigid-body torque and motor torque, both at the gear output [T, axes] Nm."""
-        tau = joint_torque(self.chain, self.group("inertial"), q, qd, qdd)
-        friction = self.group("coulomb") * direction(qd) + self.group("viscous") * qd
-        return tau, tau + self.group("rotor") * qdd + friction
+        tau = self.rigid_torque(q, qd, qdd)
+        return tau, tau + self._beyond_links(qd, qdd)
+
+    def _beyond_links(self, qd: Floats, qdd: Floats) -> Floats:
+        """[T, axes] Nm of rotors and friction."""
+        return np.asarray(
+            self.group("rotor") * qdd + self.group("coulomb") * direction(qd) + self.group("viscous") * qd
+        )
 
     def drives_on(self, signals: Mapping[str, Floats]) -> Floats | float:
         """Share [T] of each row in which the drives carry the arm; 1 for a model without a brake signal."""
@@ -128,7 +133,7 @@ class GreyBox(Predictor):
         here, (qd, _) = q[1:-1], derivatives(q, self.step_s)
         powers = self._of_joints(q, signals)
         still = np.zeros_like(here)
-        holding = joint_torque(self.chain, self.group("inertial"), here, still, still)
+        holding = self.rigid_torque(here, still, still)
         on = self._on(signals)[:, None]
         powers["gravity"] = on * self.group("gain")[0] * holding * qd
         powers["inertia"] = powers.pop("rigid_body") - powers["gravity"]
@@ -139,11 +144,23 @@ class GreyBox(Predictor):
 
     def _of_joints(self, q: Floats, signals: Floats) -> dict[str, Floats]:
         """[T, axes] W of every term before the lag."""
-        qd, qdd = derivatives(q, self.step_s)
-        tau, motor = self.motor_torque(q[1:-1], qd, qdd)
-        gain = self.group("gain")[0]
         on = self._on(signals)[:, None]
-        powers = {
+        qd, qdd = derivatives(q, self.step_s)
+        return {name: on * power for name, power in self._powers(self.rigid_torque(q[1:-1], qd, qdd), qd, qdd).items()}
+
+    def rigid_torque(self, q: Floats, qd: Floats, qdd: Floats) -> Floats:
+        """[T, axes] Nm of the links at the gear output."""
+        return joint_torque(self.chain, self.group("inertial"), q, qd, qdd)
+
+    def drive_power(self, tau: Floats, qd: Floats, qdd: Floats) -> Floats:
+        """[T] W of the drives with open brakes, before the lag, for rigid-body torques [T, axes], in any order."""
+        return np.asarray(np.sum(list(self._powers(tau, qd, qdd).values()), axis=0).sum(axis=1))
+
+    def _powers(self, tau: Floats, qd: Floats, qdd: Floats) -> dict[str, Floats]:
+        """[T, axes] W of every term, as if the brakes were open and the supply without lag."""
+        motor = tau + self._beyond_links(qd, qdd)
+        gain = self.group("gain")[0]
+        return {
             "rigid_body": gain * tau * qd,
             "rotor": gain * self.group("rotor") * qdd * qd,
             "coulomb": gain * self.group("coulomb") * direction(qd) * qd,
@@ -151,7 +168,6 @@ class GreyBox(Predictor):
             "copper": self.group("copper") * motor * motor,
             "conduction": self.group("conduction") * magnitude(motor),
         }
-        return {name: on * power for name, power in powers.items()}
 
     def _on(self, signals: Floats) -> Floats:
         """[T] share of every row in which the drives carry the arm."""

@@ -1,0 +1,220 @@
+"""The time law of least energy along an unchanged path: when the arm is where, and not where it is.
+
+A direct method (Betts, Practical Methods for Optimal Control, 2010, chapter 4): the pace, as the logarithm of new time
+per old time, is a cubic spline over the old time. Its coefficients minimise the energy that the model predicts for the
+drives in a given duration; what exceeds a limit is a penalty. The motion is smooth in the old time, and so is the pace,
+so that the new motion has no steps of acceleration. A constant pace is plain uniform slowing (ADR 63).
+
+With the pace, torques are known without any more dynamics: tau = g(q) + (tau_2 - pace' tau_1) / new time^2.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+from scipy.interpolate import BSpline
+from scipy.optimize import minimize
+
+from acqd.arrays import Floats
+from acqd.motion.controller import RATE, Motion
+from acqd.motion.limits import greatest_jerk
+from acqd.robot.description import RobotDescription
+from acqd.robot.inertia import inertial_parameters
+from acqd.robot.newton_euler import Chain, joint_torque
+
+_POINT_S, _FEWEST, _MOST = 0.02, 24, 400
+"""Distance of the points at which power and limits are evaluated, s, and how many there are."""
+_KNOT_S, _FEWEST_KNOTS, _MOST_KNOTS = 0.3, 5, 40
+_BOUND = 1.2
+"""Of the logarithm of the pace: a third to three times the mean pace."""
+_PENALTY = 30.0
+_ROUGHNESS = 1e-4
+"""Of the energy, per squared coefficient: of laws that cost the same, the one nearest to uniform slowing."""
+_STEP = 1e-5
+_ITERATIONS = 40
+_MARGIN = 0.95
+"""Share of the limits up to which a law may go, between points that are 0.02 s apart."""
+_BETWEEN = 2e-3
+"""Excess that the margin covers."""
+_RELIEF = (1.0, 0.8, 0.6, 0.4, 0.2, 0.0)
+"""Shares of a law that exceeds a limit which are tried in turn; 0 is uniform slowing."""
+
+
+WITHIN = 0.25
+"""How the variance of the pace within a stretch counts: what is slower here is faster there, and half of it cancels."""
+
+
+class Drives(Protocol):
+    """What a grey box says of single states of motion [T, axes]."""
+
+    def rigid_torque(self, q: Floats, qd: Floats, qdd: Floats) -> Floats:
+        """[T, axes] Nm."""
+        ...
+
+    def drive_power(self, tau: Floats, qd: Floats, qdd: Floats) -> Floats:
+        """[T] W."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Bounds:
+    """Limits of a robot's joints, each [axes]."""
+
+    robot: RobotDescription
+    speed: Floats
+    acceleration: Floats
+    jerk: Floats
+
+    def rigid_torque(self, q: Floats, qd: Floats, qdd: Floats) -> Floats:
+        """[T, axes] Nm of the described arm."""
+        return joint_torque(Chain.of(self.robot), inertial_parameters(self.robot), q, qd, qdd)
+
+
+@dataclass(frozen=True, slots=True)
+class _Torques:
+    """Torques of any law on a path: tau = still + (moved - pace' turned) / sigma^2, all [N, axes] Nm."""
+
+    still: Floats
+    moved: Floats
+    turned: Floats
+
+    @classmethod
+    def of(cls, rigid: Drives | Bounds, q: Floats, q1: Floats, q2: Floats) -> _Torques:
+        zero = np.zeros_like(q)
+        still = rigid.rigid_torque(q, zero, zero)
+        return cls(still, rigid.rigid_torque(q, q1, q2) - still, rigid.rigid_torque(q, zero, q1) - still)
+
+    def at(self, sigma: Floats, turn: Floats) -> Floats:
+        return self.still + (self.moved - turn * self.turned) / sigma**2
+
+
+class Path:
+    """A stretch of motion with everything that its time laws need, at N points of the old time."""
+
+    def __init__(self, motion: Motion, bounds: Bounds, drives: Drives) -> None:
+        self.motion, self._drives = motion, drives
+        count = int(np.clip(round(motion.seconds / _POINT_S), _FEWEST, _MOST))
+        rows = np.unique(np.linspace(0, len(motion) - 1, count + 1).round().astype(int))
+        u = rows / RATE
+        self._u, self._weights = u, np.gradient(u) * np.where((u == u[0]) | (u == u[-1]), 0.5, 1.0)
+        jerk = np.gradient(motion.qdd, 1 / RATE, axis=0)
+        self._q1, self._q2, self._q3 = motion.qd[rows], motion.qdd[rows], jerk[rows]
+        self.size = int(np.clip(round(motion.seconds / _KNOT_S) + 3, _FEWEST_KNOTS, _MOST_KNOTS))
+        self._knots = np.concatenate([[u[0]] * 3, np.linspace(u[0], u[-1], self.size - 2), [u[-1]] * 3])
+        functions = BSpline(self._knots, np.eye(self.size), 3)
+        self._basis = [np.asarray(functions(u, order)) for order in range(3)]
+        q = motion.q[rows]
+        self._model = _Torques.of(drives, q, self._q1, self._q2)
+        self._described = _Torques.of(bounds, q, self._q1, self._q2)
+        torque = self._described.still + self._described.moved
+        own = (self._q1, self._q2, self._q3, torque)
+        given = (bounds.speed, bounds.acceleration, bounds.jerk, bounds.robot.effort)
+        self._limits = [
+            np.maximum(_MARGIN * limit, np.abs(values).max(axis=0)) for limit, values in zip(given, own, strict=True)
+        ]
+        peaks = np.abs(motion.qd).max(axis=0), np.abs(motion.qdd).max(axis=0), greatest_jerk(motion)
+        self._whole = [np.maximum(limit, peak) for limit, peak in zip(given, peaks, strict=False)]
+
+    @cached_property
+    def uniform(self) -> Floats:
+        """[K] the law of a constant pace."""
+        return np.zeros(self.size)
+
+    def energy(self, law: Floats, seconds: float) -> float:
+        """J of the drives."""
+        pace, turn, _ = self._at(law, seconds)
+        return float(self._weights @ (self._power(pace, turn) * np.exp(pace)))
+
+    def keeps_limits(self, law: Floats, seconds: float) -> bool:
+        """Whether a law keeps speed, acceleration, jerk and torque of every joint, also between the points."""
+        new = self.motion_at(law, seconds)
+        peaks = np.abs(new.qd).max(axis=0), np.abs(new.qdd).max(axis=0), greatest_jerk(new)
+        within = all((peak <= limit).all() for peak, limit in zip(peaks, self._whole, strict=True))
+        return within and bool(self._excess(*self._at(law, seconds)).max() <= _BETWEEN)
+
+    def best(self, seconds: float, start: Floats) -> Floats | None:
+        """[K] the law of least energy of a duration, from a law to begin with; None where none keeps the limits."""
+        scale = max(abs(self.energy(self.uniform, seconds)), 1.0)
+        _, b1, b2 = self._basis
+
+        def rows(pace: Floats, turn: Floats, bend: Floats) -> Floats:
+            return self._power(pace, turn) * np.exp(pace) / scale + _PENALTY * self._excess(pace, turn, bend)
+
+        def cost(law: Floats) -> tuple[float, Floats]:
+            at = self._at(law, seconds)
+            now = rows(*at)
+            slopes = []
+            for k in range(3):
+                shifted = list(at)
+                shifted[k] = at[k] + _STEP
+                slopes.append(self._weights * (rows(*shifted) - now) / _STEP)
+            mean = self._weights * np.exp(at[0])
+            gradient = self._basis[0].T @ (slopes[0] - slopes[0].sum() * mean / mean.sum())
+            gradient += b1.T @ slopes[1] + b2.T @ slopes[2] + 2 * _ROUGHNESS * law
+            return float(self._weights @ now + _ROUGHNESS * law @ law), gradient
+
+        found = minimize(
+            cost, start, jac=True, method="L-BFGS-B", bounds=[(-_BOUND, _BOUND)] * self.size,
+            options={"maxiter": _ITERATIONS, "ftol": 1e-6},
+        )  # fmt: skip
+        laws = [law for share in _RELIEF if self.keeps_limits(law := share * found.x, seconds)]
+        return min(laws, key=lambda law: self.energy(law, seconds), default=None)
+
+    def unlike(self, law: Floats, seconds: float) -> float:
+        """Square of the mean logarithm of the pace, and a quarter of its variance (see `Timing.unlike`)."""
+        pace, _, _ = self._at(law, seconds)
+        share = self._weights / self._weights.sum()
+        mean = float(share @ pace)
+        return mean**2 + WITHIN * float(share @ (pace - mean) ** 2)
+
+    def motion_at(self, law: Floats, seconds: float) -> Motion:
+        """The stretch by a law, at 1 kHz."""
+        old = self.motion
+        fine = np.arange(len(old)) / RATE
+        spline = BSpline(self._knots, law, 3)
+        sigma, turn = np.exp(spline(fine)), spline(fine, 1)
+        when = np.concatenate([[0.0], np.cumsum((sigma[1:] + sigma[:-1]) / 2)]) / RATE
+        factor = (seconds - 1 / RATE) / max(float(when[-1]), 1e-9)
+        rows = round(seconds * RATE)
+        at = np.interp(np.arange(rows) / RATE, when * factor, fine) * RATE
+        low = np.minimum(at, len(old) - 1).astype(int)
+        high, part = np.minimum(low + 1, len(old) - 1), (at - low)[:, None]
+
+        def there(values: Floats) -> Floats:
+            return np.asarray(values[low] + part * (values[high] - values[low]))
+
+        pace, bend = factor * there(sigma[:, None]), there(turn[:, None])
+        qd, qdd = there(old.qd), there(old.qdd)
+        return replace(
+            old, q=there(old.q), qd=qd / pace, qdd=(qdd - qd * bend) / pace**2, brake_open=np.ones(rows, bool),
+            tool_on=old.tool_on[low], phase=[""], phase_number=np.zeros(rows, np.int16),
+        )  # fmt: skip
+
+    def _at(self, law: Floats, seconds: float) -> tuple[Floats, Floats, Floats]:
+        """[N] logarithm of the pace in a duration, and its first two derivatives by the old time."""
+        pace, turn, bend = (basis @ law for basis in self._basis)
+        return pace + np.log(seconds / float(self._weights @ np.exp(pace))), turn, bend
+
+    def _power(self, pace: Floats, turn: Floats) -> Floats:
+        """[N] W of the drives."""
+        sigma, turn = np.exp(pace)[:, None], turn[:, None]
+        tau = self._model.at(sigma, turn)
+        return self._drives.drive_power(tau, self._q1 / sigma, (self._q2 - self._q1 * turn) / sigma**2)
+
+    def _excess(self, pace: Floats, turn: Floats, bend: Floats) -> Floats:
+        """[N] sum of the squares of what exceeds the limits, as shares of these."""
+        s, a, b = np.exp(pace)[:, None], turn[:, None], bend[:, None]
+        q1, q2 = self._q1, self._q2
+        values = (
+            q1 / s, (q2 - q1 * a) / s**2, (self._q3 - 3 * q2 * a - q1 * b + 2 * q1 * a**2) / s**3,
+            self._described.at(s, a),
+        )  # fmt: skip
+        return np.asarray(
+            sum(
+                (np.maximum(np.abs(each) / limit - 1, 0.0) ** 2).sum(axis=1)
+                for each, limit in zip(values, self._limits, strict=True)
+            )
+        )

@@ -1,0 +1,38 @@
+"""The study of `acqd save`: what it executes is what was written, and its figures count what they say."""
+
+import numpy as np
+import pytest
+
+from acqd.motion.program_text import timed_joints
+from acqd.motion.replayed_log import motion_of
+from acqd.robot.description import load_description
+from acqd.robot.log import read_log
+from tools.studies.foreign.cases import World
+from tools.studies.saving.__main__ import summary
+from tools.studies.saving.execution import energy, replayed, violations, write_log
+from tools.studies.saving.programs import pick_and_place
+
+
+def test_a_log_that_is_replayed_uses_what_the_program_used(tmp_path):
+    robot, plant = load_description("ur10e"), World(6, 5, "short", torques=False, own_clocks=False).plant()
+    random = np.random.default_rng(2)
+    program = pick_and_place(robot, 6.0, random)
+    write_log(tmp_path / "log.csv", program, plant.signals, random)
+    again = replayed(timed_joints(motion_of(read_log(tmp_path / "log.csv", robot), robot)), len(program.q))
+    assert np.abs(again.q - program.q).max() < 2e-3
+    assert violations(plant, again, program) == []
+    still = np.ones(len(program.q))
+    assert energy(plant, again, still) == pytest.approx(energy(plant, program, still), rel=1e-3)
+    assert "speed" in violations(plant, type(program)(again.q, 9 * again.qd, again.qdd), program)
+
+
+def test_figures_count_proposals():
+    line = {
+        "plant": "a", "program": 0, "block": "equal", "name": "best together", "before_J": 100.0, "predicted_J": 3.0,
+        "half_J": 1.0, "measured_J": 2.5, "verdict": "saves", "violations": [],
+    }  # fmt: skip
+    worse = line | {"program": 1, "measured_J": -1.0, "violations": ["jerk"]}
+    figures = summary([line, worse, line | {"half_J": None, "name": "other"}])
+    assert (figures["programs"], figures["proposals"], figures["within_interval"]) == (2, 2, 1)
+    assert (figures["said_to_save"], figures["of_these_worse"], figures["limits_violated"]) == (2, 1, 1)
+    assert figures["median_saving"]["equal, best"] == pytest.approx(0.0075)

@@ -1,0 +1,161 @@
+"""Judges `acqd save` on foreign plants: is a predicted saving there, and is its interval honest?
+
+    python -m tools.studies.saving OUT [--programs 3 --plants 1 --axes 6 7 --seconds 40 --amount short --seed 1]
+
+The plants share neither equations nor parameters with acqd (tools.studies.foreign). Of each, acqd trains a grey box on
+random motion, as a user would. Then pick-and-place programs with other laws of motion are executed, acqd proposes from
+their logs, and the plant executes every proposal as the CSV of timed joints says. All data are simulated.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
+
+from acqd.errors import UserError
+from acqd.motion.program_text import timed_joints
+from acqd.robot.description import load_description
+from acqd.saving.proposals import Proposal, savings
+from acqd.saving.source import Asked, opened
+from tools.common.tables import show
+from tools.studies.foreign.cases import World
+from tools.studies.foreign.generator.motion import STEP_S
+from tools.studies.foreign.runner import Runner
+from tools.studies.saving.execution import energy, replayed, violations, write_log
+from tools.studies.saving.programs import Executed, pick_and_place
+
+_KEY = 44021
+"""Distinguishes the random numbers of programs from those of plants."""
+
+
+def options() -> argparse.Namespace:
+    """The command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("out", type=Path, metavar="OUT")
+    parser.add_argument("--programs", type=int, default=3, help="per plant")
+    parser.add_argument("--plants", type=int, default=1, help="per robot")
+    parser.add_argument("--axes", type=int, nargs="+", default=[6, 7], choices=[6, 7])
+    parser.add_argument("--seconds", type=float, default=40.0, help="of a program")
+    parser.add_argument("--amount", choices=["short", "full"], default="short", help="of recordings to learn from")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--json", action="store_true")
+    return parser.parse_args()
+
+
+def judged(runner: Runner, number: int, seconds: float) -> list[dict[str, Any]]:
+    """All proposals of one program: predicted and measured."""
+    done = runner.work / f"program{number}.json"
+    if done.exists():
+        return list(json.loads(done.read_text()))
+    model, world = runner.prepare(), runner.world
+    plant, robot = world.plant(), load_description(world.robot)
+    random = np.random.default_rng([world.seed, world.axes, _KEY, number])
+    program = pick_and_place(robot, seconds, random)
+    log = runner.work / f"program{number}.csv"
+    write_log(log, program, plant.signals, random)
+    asked = Asked()
+    found = savings(opened(model, log, asked), asked, lambda *_: None)
+    lines = []
+    for block, title in ((found.equal, "equal"), (found.other, "longer")):
+        waiting = block.instead.use.seconds - found.equal.instead.use.seconds
+        whole = _waiting(program, waiting)
+        before = energy(plant, whole, np.ones(len(whole.q)))
+        for each in block.proposals:
+            longer_s = each.use.seconds - found.before.seconds
+            motion = replayed(timed_joints(each.motion), len(program.q) + round(longer_s / STEP_S))
+            after = energy(plant, motion, _brakes(each, len(motion.q), signals=plant.signals))
+            lines.append(
+                {
+                    "plant": world.name, "program": number, "block": title, "name": each.name,
+                    "before_J": before, "predicted_J": each.saving, "half_J": each.half, "measured_J": before - after,
+                    "verdict": each.verdict, "violations": violations(plant, motion, program),
+                }
+            )  # fmt: skip
+    done.write_text(json.dumps(lines))
+    return lines
+
+
+def _waiting(program: Executed, seconds: float) -> Executed:
+    rows = round(seconds / STEP_S)
+    still = np.zeros((rows, program.q.shape[1]))
+    return Executed(
+        np.concatenate([program.q, still + program.q[-1]]), np.concatenate([program.qd, still]),
+        np.concatenate([program.qdd, still]),
+    )  # fmt: skip
+
+
+def _brakes(proposal: Proposal, rows: int, *, signals: bool) -> np.ndarray:
+    """[rows] 0 or 1; the brakes of a robot without a signal stay open."""
+    if not signals:
+        return np.ones(rows)
+    at = np.minimum((np.arange(rows) * STEP_S * 1000).astype(int), len(proposal.motion) - 1)
+    return np.asarray(proposal.motion.brake_open[at] * 1.0)
+
+
+def summary(lines: list[dict[str, Any]]) -> dict[str, Any]:
+    """Figures over all programs."""
+    known = [each for each in lines if each["half_J"] is not None]
+    within = [abs(each["measured_J"] - each["predicted_J"]) <= each["half_J"] for each in known]
+    worse = [each for each in known if each["verdict"] == "saves" and each["measured_J"] < 0]
+
+    def median(block: str, name: str, key: str) -> float:
+        of = [each[key] / each["before_J"] for each in lines if each["block"] == block and each["name"] == name]
+        return float(np.median(of)) if of else float("nan")
+
+    best = [each for each in lines if each["name"] == "best together"]
+    return {
+        "programs": len({(each["plant"], each["program"]) for each in lines}),
+        "proposals": len(known), "within_interval": sum(within), "coverage": float(np.mean(within)) if known else None,
+        "said_to_save": sum(each["verdict"] == "saves" for each in known), "of_these_worse": len(worse),
+        "unprovable": sum(each["verdict"] == "unprovable" for each in known),
+        "best_within_interval": sum(abs(each["measured_J"] - each["predicted_J"]) <= each["half_J"] for each in best),
+        "best": len(best), "limits_violated": sum(bool(each["violations"]) for each in lines),
+        "median_saving": {
+            "equal, best": median("equal", "best together", "measured_J"),
+            "equal, plain slowing into the waits": median("equal", "plain slowing into the waits", "measured_J"),
+            "longer, best": median("longer", "best together", "measured_J"),
+            "longer, plain uniform slowing": median("longer", "plain uniform slowing", "measured_J"),
+        },
+    }  # fmt: skip
+
+
+def main() -> None:
+    """Print a line per program and the figures."""
+    given = options()
+    worlds = [
+        World(axes, given.seed + k, given.amount, torques=False, own_clocks=False)
+        for axes, k in product(given.axes, range(given.plants))
+    ]
+    lines: list[dict[str, Any]] = []
+    tasks = list(product(worlds, range(given.programs)))
+    for world, number in track(tasks, "programs", console=Console(stderr=True)):
+        runner = Runner(given.out.resolve(), world, "saving", None)
+        try:
+            lines += judged(runner, number, given.seconds)
+        except UserError as error:
+            print(f"{world.name}, program {number}: {error}")
+    if given.json:
+        print(json.dumps({"proposals": lines, "summary": summary(lines)}))
+        return
+    table = Table("plant (simulated)", "program", "cycle", "proposal", "predicted", "90 %", "measured", "said")
+    for each in lines:
+        share = [100 * each[key] / each["before_J"] for key in ("predicted_J", "half_J", "measured_J")]
+        table.add_row(
+            each["plant"], str(each["program"]), each["block"], each["name"], f"{share[0]:.2f} %",
+            f"+-{share[1]:.2f} %", f"{share[2]:.2f} %", each["verdict"],
+        )  # fmt: skip
+    show(table, width=150)
+    for name, value in summary(lines).items():
+        print(f"{name}: {value}")
+
+
+if __name__ == "__main__":
+    main()
