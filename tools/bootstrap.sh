@@ -105,8 +105,6 @@ lint() {
     "$venv/bin/ruff" format --check -q acqd tests tools
     "$venv/bin/mypy"
     "$venv/bin/lint-imports" --no-logo 2>/dev/null || "$venv/bin/lint-imports"
-    # medium confidence: a guess at SQL by strings is no finding
-    "$venv/bin/bandit" -q -ii -c pyproject.toml -r acqd
 }
 
 # What is installed with acqd[EXTRA] (postgres by default), in a fresh environment: acqd.cdx.json (CycloneDX) and,
