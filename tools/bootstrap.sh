@@ -44,6 +44,14 @@ install() {
     touch "$stamp"
 }
 
+# Modules are compiled when they are first imported. Workers that start together would each compile all of them.
+compile_once() {
+    stamp="$venv/.acqd-compiled"
+    [ "$stamp" -nt "$venv/.acqd-browser" ] && return
+    "$venv/bin/python" -m pytest --collect-only -qq >/dev/null 2>&1 || true
+    touch "$stamp"
+}
+
 have_servers() {
     PATH="$PATH:/usr/sbin:/usr/local/sbin"
     for program in mosquitto tshark mbpoll ip; do
@@ -161,6 +169,7 @@ test)
     checks=$!
     trap 'kill $checks 2>/dev/null || true; rm -f "$complaints"
           took=$(($(date +%s) - begun)); say "make test took $((took / 60)) min $((took % 60)) s"' EXIT
+    compile_once
     status=0
     # Three workers take one test after the other, the long ones first (tests/conftest.py). Tests of devices and brokers
     # wait for a fifth of their time: a third worker uses it.

@@ -26,9 +26,9 @@ from tests.doubles.modbus import (
     WaveformBridge,
 )
 from tests.doubles.modbus.wire import crc16
+from tests.doubles.waveform import WaveTable
 from tests.sources.bench import wait_until_reachable
 from tests.waiting import LIMIT_S, wait_for
-from tests.doubles.waveform import WaveTable
 
 READ_10 = bytes.fromhex("030000000A")
 """PDU: function 3, address 0, 10 registers."""
@@ -215,8 +215,8 @@ def test_throttle_takes_the_time_of_a_line() -> None:
             def in_time() -> bool:
                 """Never earlier; later only where the machine was busy."""
                 began = time.monotonic()
-                os.write(port, rtu(1, READ_10))  # noqa: B023
-                assert len(listen(port, 25)) == 25  # noqa: B023
+                os.write(port, rtu(1, READ_10))
+                assert len(listen(port, 25)) == 25
                 took_s = time.monotonic() - began
                 assert took_s > 0.99 * due_s  # noqa: B023
                 return took_s < 1.1 * due_s  # noqa: B023
