@@ -40,6 +40,15 @@ def pytest_collection_finish() -> None:
     gc.freeze()
 
 
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """For `--dist loadgroup` with three workers or more."""
+    from tests.schedule import OneWaits  # here, because pytest may run without xdist
+
+    many = config.getoption("dist") == "loadgroup" and len(config.getoption("tx")) > 2
+    return OneWaits(config, log) if many else None
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Long tests first, so that no worker is left alone with one at the end."""
     items.sort(key=lambda item: -max((mark.kwargs["seconds"] for mark in item.iter_markers("long")), default=0))

@@ -171,8 +171,8 @@ test)
           took=$(($(date +%s) - begun)); say "make test took $((took / 60)) min $((took % 60)) s"' EXIT
     compile_once
     status=0
-    # Three workers take one test after the other, the long ones first (tests/conftest.py). Tests of devices and brokers
-    # wait for a fifth of their time: a third worker uses it.
+    # Three workers take one test after the other, the long ones first (tests/conftest.py): one those that wait for
+    # devices and brokers, two those that compute (tests/schedule.py).
     "$venv/bin/python" -m pytest -n 3 --dist loadgroup --no-loadscope-reorder "$@" || status=$?
     if wait $checks; then
         say "lint, types and layers: no complaints"
