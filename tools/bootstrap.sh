@@ -48,6 +48,7 @@ install() {
 compile_once() {
     stamp="$venv/.acqd-compiled"
     [ "$stamp" -nt "$venv/.acqd-browser" ] && return
+    say "compiling modules and tests, half a minute the first time"
     "$venv/bin/python" -m pytest --collect-only -qq >/dev/null 2>&1 || true
     touch "$stamp"
 }
