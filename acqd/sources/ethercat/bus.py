@@ -14,9 +14,6 @@ from acqd.sources.ethercat import objects
 from acqd.sources.interfaces import DROP_IN, check_interface
 
 _STATE_US = 2_000_000  # for a change of state
-_ANSWER_US, _REPEATED_US = 20_000, 200_000
-"""For the answer to one frame, and for all repetitions: SOEM's 2 and 20 ms are less than a computer without a real-time
-kernel may keep a process from the processor, and what it loses meanwhile would end the configuration."""
 
 
 class SegmentError(Exception):
@@ -42,9 +39,6 @@ class SlaveInfo:
 def open_master(interface: str, option: str = "source.interface") -> Any:
     """A pysoem master on the interface. Raises UserError, which names `option`, when that is impossible here."""
     check_interface(interface, option)
-    patience = pysoem.settings.timeouts
-    patience.ret = _ANSWER_US
-    patience.safe = patience.tx_mailbox = patience.eeprom = _REPEATED_US
     master = pysoem.Master()
     try:
         master.open(interface)
