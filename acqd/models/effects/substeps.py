@@ -51,7 +51,7 @@ def substep_switch(share: Floats) -> Floats:
 
 def averaged(values: Floats) -> Floats:
     """[T, ...] means over the rows of values [SUBSTEPS T, ...]."""
-    total = values[::SUBSTEPS] + values[1::SUBSTEPS]
+    total = np.add(values[::SUBSTEPS], values[1::SUBSTEPS], dtype=np.float64)
     for k in range(2, SUBSTEPS):
         total += values[k::SUBSTEPS]
     return np.asarray(total / SUBSTEPS)
