@@ -6,6 +6,7 @@ import os
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy: many small matrices, two cores
 
+import gc
 import json
 import shutil
 import signal
@@ -28,6 +29,24 @@ from tests.waiting import LIMIT_S, wait_for
 
 settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("any machine")
+
+
+gc.disable()  # what is imported and collected stays: to look for garbage in it takes an eighth of the time
+
+
+def pytest_collection_finish() -> None:
+    """From now on, only what tests make is looked at."""
+    gc.enable()
+    gc.freeze()
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """For `--dist loadgroup` with three workers or more."""
+    from tests.schedule import OneWaits  # here, because pytest may run without xdist
+
+    many = config.getoption("dist") == "loadgroup" and len(config.getoption("tx")) > 2
+    return OneWaits(config, log) if many else None
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -44,6 +44,15 @@ install() {
     touch "$stamp"
 }
 
+# Modules are compiled when they are first imported. Workers that start together would each compile all of them.
+compile_once() {
+    stamp="$venv/.acqd-compiled"
+    [ "$stamp" -nt "$venv/.acqd-browser" ] && return
+    say "compiling modules and tests, half a minute the first time"
+    "$venv/bin/python" -m pytest --collect-only -qq >/dev/null 2>&1 || true
+    touch "$stamp"
+}
+
 have_servers() {
     PATH="$PATH:/usr/sbin:/usr/local/sbin"
     for program in mosquitto tshark mbpoll ip; do
@@ -105,8 +114,6 @@ lint() {
     "$venv/bin/ruff" format --check -q acqd tests tools
     "$venv/bin/mypy"
     "$venv/bin/lint-imports" --no-logo 2>/dev/null || "$venv/bin/lint-imports"
-    # medium confidence: a guess at SQL by strings is no finding
-    "$venv/bin/bandit" -q -ii -c pyproject.toml -r acqd
 }
 
 # What is installed with acqd[EXTRA] (postgres by default), in a fresh environment: acqd.cdx.json (CycloneDX) and,
@@ -163,9 +170,10 @@ test)
     checks=$!
     trap 'kill $checks 2>/dev/null || true; rm -f "$complaints"
           took=$(($(date +%s) - begun)); say "make test took $((took / 60)) min $((took % 60)) s"' EXIT
+    compile_once
     status=0
-    # Three workers take one test after the other, the long ones first (tests/conftest.py). Tests of devices and brokers
-    # wait for a fifth of their time: a third worker uses it.
+    # Three workers take one test after the other, the long ones first (tests/conftest.py): one those that wait for
+    # devices and brokers, two those that compute (tests/schedule.py).
     "$venv/bin/python" -m pytest -n 3 --dist loadgroup --no-loadscope-reorder "$@" || status=$?
     if wait $checks; then
         say "lint, types and layers: no complaints"

@@ -69,8 +69,9 @@ class Whitener:
         order = len(self.taps) - 1
         rows = max(len(values) - order, 0)
         white = np.zeros((rows, *values.shape[1:]))
+        product = np.empty_like(white)
         for back, tap in enumerate(self.taps.tolist()):  # a few taps and many columns: faster than a filter per column
-            white += tap * values[order - back : order - back + rows]
+            white += np.multiply(values[order - back : order - back + rows], tap, out=product)
         return white
 
     def from_start(self, values: NDArray[Any]) -> Floats:

@@ -19,6 +19,8 @@ import pytest
 
 from tests.doubles.ads import AdsDouble, AdsProcess, Settings, unused_host
 from tests.doubles.ads.ring import HEAD, slot_dtype
+from tests.sources.bench import wait_until_reachable
+from tests.waiting import LIMIT_S, wait_for
 
 pyads = pytest.importorskip("pyads")
 
@@ -43,7 +45,7 @@ class Client:
 
     def open(self) -> None:
         self.ads.open()
-        self.ads.set_timeout(400)
+        self.ads.set_timeout(int(1000 * LIMIT_S))
 
     def _place(self, name: str) -> tuple[int, int]:
         symbol = self.ads.get_symbol(name)
@@ -198,11 +200,10 @@ def test_cyclic_notifications_arrive_without_a_gap(real: AdsDouble) -> None:
 
     attributes = pyads.NotificationAttrib(HEAD_FORMAT.size, pyads.ADSTRANS_SERVERCYCLE, max_delay=20, cycle_time=1)
     handles = client.ads.add_device_notification(HEAD_NAME, attributes, callback)
-    time.sleep(0.3)
+    wait_for(lambda: len(received) > 100, "notifications")
     client.ads.del_device_notification(*handles)
     client.ads.close()
     newest = [HEAD_FORMAT.unpack(data)[-1] for data in received]
-    assert len(newest) > 100
     assert max(np.diff(newest)) <= 2  # the sampling and the slots have the same period, but not the same phase
     assert real.command(stats=True)["notifications"] == 0
 
@@ -216,9 +217,9 @@ def test_on_change_notifications_come_for_each_change(real: AdsDouble) -> None:
 
     attributes = pyads.NotificationAttrib(4, pyads.ADSTRANS_SERVERONCHA, max_delay=1, cycle_time=1)
     handles = client.ads.add_device_notification("MAIN.nTest", attributes, callback)
-    for value in (0, 7, 8):
+    for value in (7, 8):
         client.ads.write_by_name("MAIN.nTest", value, pyads.PLCTYPE_DINT)
-        time.sleep(0.1)
+        wait_for(lambda: value in values, "the change")  # noqa: B023
     client.ads.del_device_notification(*handles)
     client.ads.close()
     # the first value is notified before AdsLib has returned the handle, which then knows no receiver for it
@@ -293,7 +294,9 @@ def test_a_removed_ring_has_no_symbols(client: Client, double: AdsDouble) -> Non
 
 def test_silence_and_delay_end_in_a_timeout_and_then_recover(client: Client, double: AdsDouble) -> None:
     double.command(silent=True)
+    client.ads.set_timeout(200)
     assert error_code(client.ads.read_state) == TIMEOUT
+    client.ads.set_timeout(int(1000 * LIMIT_S))
     double.command(silent=False, latency_s=0.2)
     start = time.monotonic()
     assert client.ads.read_state() == (5, 0)
@@ -302,8 +305,8 @@ def test_silence_and_delay_end_in_a_timeout_and_then_recover(client: Client, dou
 
 def test_a_reset_connection_fails_until_it_is_opened_again(client: Client, double: AdsDouble) -> None:
     double.command(reset=True)
-    time.sleep(0.05)
-    assert error_code(client.ads.read_state) == CONNECTION_LOST
+    client.ads.set_timeout(100)  # until the library has noticed
+    wait_for(lambda: error_code(client.ads.read_state) == CONNECTION_LOST, "the loss is noticed")
     client.ads.close()
     client.open()
     assert client.newest() == 20
@@ -312,9 +315,10 @@ def test_a_reset_connection_fails_until_it_is_opened_again(client: Client, doubl
 
 def test_new_connections_are_refused_for_a_time(client: Client, double: AdsDouble) -> None:
     client.ads.close()
-    double.command(refuse_s=0.2)
+    double.command(refuse_s=LIMIT_S)
     assert error_code(client.ads.open) == 6
-    time.sleep(0.4)
+    double.command(refuse_s=0.1)
+    wait_until_reachable(double.settings.host, 48_898)
     client.open()
     assert client.ads.read_state() == (5, 0)
 
@@ -323,6 +327,7 @@ def test_new_connections_are_closed_at_once(client: Client, double: AdsDouble) -
     client.ads.close()
     double.command(close_new=True)
     client.open()
+    client.ads.set_timeout(400)
     assert error_code(client.ads.read_state) in (TIMEOUT, CONNECTION_LOST)
     double.command(close_new=False)
     client.ads.close()
@@ -489,13 +494,18 @@ def test_the_real_clock_drifts_as_told() -> None:
 
 def test_pyads_releases_the_interpreter_lock_while_it_waits(client: Client, double: AdsDouble) -> None:
     double.command(latency_s=0.2)
-    rounds = 0
-    reader = threading.Thread(target=client.ads.read_state)
-    reader.start()
-    while reader.is_alive():
-        time.sleep(0.001)
-        rounds += 1
-    assert rounds > 20
+
+    def rounds() -> int:
+        """Of this thread, while another waits for an answer."""
+        reader = threading.Thread(target=client.ads.read_state)
+        reader.start()
+        count = 0
+        while reader.is_alive():
+            time.sleep(0.001)
+            count += 1
+        return count
+
+    wait_for(lambda: rounds() > 20, "the interpreter works meanwhile")
 
 
 def test_the_process_takes_commands_and_ends_with_its_input() -> None:

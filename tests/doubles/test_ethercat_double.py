@@ -8,7 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +27,7 @@ SAFEOP, OP, ACK = 4, 8, 0x10
 TIMEOUT_US = 500_000
 STATE_TIMEOUT_US = 1_000_000
 STATE_REQUESTS = 20  # a busy machine changes state late
+LOST = (pysoem.ConfigMapError, pysoem.MailboxError, pysoem.PacketError, pysoem.WkcError)
 
 
 @pytest.fixture(scope="module")
@@ -62,10 +63,19 @@ class Soem:
 
     def __init__(self, interface: str, factor: int) -> None:
         self.factor = factor
+        patience = pysoem.settings.timeouts  # the double is a process, which a busy machine keeps waiting
+        patience.ret = patience.safe = patience.tx_mailbox = TIMEOUT_US
         self.master = pysoem.Master()
         self.master.open(interface)
 
     def configure(self, sync1: int | None = None) -> None:
+        """Begins again where a request was lost, which waits for 6 ms on a busy machine, too."""
+        for _ in range(STATE_REQUESTS):
+            with suppress(*LOST):
+                return self._configure(sync1)
+        raise AssertionError("no request is answered in time")
+
+    def _configure(self, sync1: int | None) -> None:
         assert self.master.config_init() > 1
         for slave in self.master.slaves[1:]:
             slave.setup_func = lambda _, slave=slave: self._assign(slave)
@@ -209,7 +219,7 @@ def test_real_clock_shows_the_newest_block(pair: tuple[str, str]) -> None:
     table = WaveTable(seed=1)
     with running(pair, clock="real") as (soem, _):
         counts, begun = [], time.monotonic()
-        for _ in iter_for(0.5):
+        while len(counts) < 400:
             block = soem.blocks()[0]
             if block.valid:
                 np.testing.assert_array_equal(block.codes, table.codes(block.count * 20, 20))
@@ -242,12 +252,6 @@ def test_real_clock_faults(pair: tuple[str, str]) -> None:
             time.sleep(0.3)
         (begun, first, started), (stopped, second, ended) = passed
         assert (second - first) / (ended - begun) < 1.021 and (second - first) / (stopped - started) > 1.019
-
-
-def iter_for(seconds: float) -> Iterator[None]:
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
-        yield
 
 
 def test_dropped_frames_lose_their_blocks(pair: tuple[str, str]) -> None:

@@ -20,6 +20,7 @@ from tests.doubles.sampled_values import quality as q
 from tests.doubles.sampled_values.ber import length
 from tests.doubles.sampled_values.pcap import read_pcap, write_pcap
 from tests.doubles.veth import VethUnavailable, veth_pair
+from tests.waiting import wait_for
 
 ETHERTYPE = 0x88BA
 FIELDS = ("smpCnt", "svID", "confRev", "smpSynch", "noASDU", "meas_value", "meas_quality", "appid", "length")
@@ -290,9 +291,15 @@ def test_the_real_clock_keeps_the_rate(wire: Wire, rate: int, per_second: int) -
         assert unit.stats()["built"] == 0, "nothing leaves before start"
         begun = time.monotonic()
         unit.start()
-        while unit.stats()["built"] < per_second // 3:
-            time.sleep(0.005)
-        assert 0.32 < time.monotonic() - begun < 2.0
+
+        def in_time() -> bool:
+            """Never ahead of the clock, and behind it only as far as a busy machine has made the frames late."""
+            asked = time.monotonic()
+            built, late_s = unit.stats()["built"], unit.command(stats=True)["late_max_s"]
+            assert built <= per_second * (time.monotonic() - begun) + 1
+            return built > per_second // 3 and built >= 0.95 * per_second * (asked - begun - late_s)
+
+        wait_for(in_time, "frames at their rate")
 
 
 def test_the_frames_of_a_stall_leave_afterwards(wire: Wire) -> None:
@@ -302,9 +309,8 @@ def test_the_frames_of_a_stall_leave_afterwards(wire: Wire) -> None:
         stalled = unit.stats()["built"]
         time.sleep(0.1)
         assert unit.stats()["built"] == stalled
-        while unit.stats()["built"] - stalled < 2600:
-            time.sleep(0.01)
-        assert 0.6 < time.monotonic() - begun < 3.0
+        wait_for(lambda: unit.stats()["built"] - stalled >= 2600, "the frames of the stall")
+        assert time.monotonic() - begun > 0.6
         assert unit.command(stats=True)["late_max_s"] > 0.5
         unit.command(stop=True)
         stopped = unit.stats()["built"]
@@ -327,8 +333,7 @@ def test_a_capture_is_replayed_with_its_timing(wire: Wire, receiver: Receiver, t
     with MergingUnitProcess(wire[0], pcap=tmp_path / "capture.pcap") as unit:
         begun = time.monotonic()
         unit.start()
-        while unit.stats()["built"] < 10 and time.monotonic() < begun + 5:
-            time.sleep(0.002)
+        wait_for(lambda: unit.stats()["built"] >= 10, "the frames of the capture")
         assert time.monotonic() - begun > 0.17
         with pytest.raises(RuntimeError, match="no state"):
             unit.command(confrev=3)

@@ -119,7 +119,7 @@ def test_a_real_influxdb_has_every_row_also_those_from_before_its_start(tmp_path
 def asked(base, query, post=False):
     text = urllib.parse.urlencode({"db": "acqd", "q": query})
     try:
-        with urllib.request.urlopen(f"{base}/query?{text}", b"" if post else None, timeout=5) as answer:
+        with urllib.request.urlopen(f"{base}/query?{text}", b"" if post else None, timeout=60) as answer:
             return json.load(answer)
     except OSError:
         return None

@@ -65,8 +65,10 @@ def test_a_crashed_fast_process_is_restarted_and_the_gap_flagged():
 def test_main_slow_may_be_kept_away_for_seconds():
     """A second and more lost windows while the ring held one second of samples, of which three quarters counted."""
     batches = []
+    stalled_s = 0.0
 
     async def scenario():
+        nonlocal stalled_s
         ex = executive(batches)
         await ex.start()
         running = asyncio.create_task(ex.run())
@@ -76,11 +78,12 @@ def test_main_slow_may_be_kept_away_for_seconds():
         await until(lambda: rows(batches) >= seen + 30, "rows of the time in between")
         await ex.stop()
         await running
+        stalled_s = ex.cycle_summary().missed * ex.period_ns * 1e-9  # MAIN_FAST itself, on a busy machine
         ex.close()
 
     finish(scenario())
     seq, _, _ = joined(batches)
-    assert seq[-1] - seq[0] + 1 - len(seq) < 20  # of 40; MAIN_FAST itself may stall on a busy machine
+    assert (seq[-1] - seq[0] + 1 - len(seq)) * 0.04 <= stalled_s
 
 
 def clock_set_by(seconds, when):

@@ -96,7 +96,7 @@ def test_a_nursery_that_hangs_is_replaced(monkeypatch):
             hung = nursery._process.pid
             os.kill(hung, signal.SIGSTOP)
             os.kill(made[0].executive.fast_pid, signal.SIGSTOP)  # killed as one that hangs; nobody can bury it
-            await until(lambda: nursery._process.pid != hung, "another nursery", timeout=30)
+            await until(lambda: nursery._process.pid != hung, "another nursery")
             await more(made)
 
     finish(scenario())

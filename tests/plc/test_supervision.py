@@ -61,9 +61,10 @@ class Run:
         jumps = np.flatnonzero(np.diff(seq) > 1)
         assert len(jumps) and all("gap" in flags[k] | flags[k + 1] for k in jumps)
         assert abs(utc[-1] - time.time_ns()) < 10e9
-        # The stream's time has run on through the outage. A busy machine may delay rows by some tenths of a second.
-        moved = (utc - utc[0]) - (seq - seq[0]) * 40_000_000
-        assert np.abs(moved).max() < 0.8e9
+        # The stream's time has run on through the outage; where a busy machine has delayed rows, they say so.
+        moved = np.diff(utc) - np.diff(seq) * 40_000_000
+        told = np.array(["clock_step" in flags[k] | flags[k + 1] for k in range(len(moved))])
+        assert np.abs(np.cumsum(np.where(told, 0, moved))).max() < 0.8e9
 
 
 def child_of_this_process() -> list[int]:
@@ -105,7 +106,7 @@ def test_a_stopped_main_fast_is_killed_and_relaunched():
         async with run:
             stopped = run.executive.fast_pid
             run.send(signal.SIGSTOP)
-            await until(lambda: run.executive.fast_pid != stopped, "the next process", timeout=20)
+            await until(lambda: run.executive.fast_pid != stopped, "the next process")
             await run.more(15)
             assert run.executive.restarts == 1
 
@@ -124,7 +125,7 @@ def test_main_fast_stopped_while_it_starts_is_relaunched_too():
             for pid in set(child_of_this_process()) - set(first):
                 os.kill(pid, signal.SIGSTOP)
             goal = run.rows + 15
-            await until(lambda: run.rows >= goal, "rows", timeout=20)
+            await until(lambda: run.rows >= goal, "rows")
 
     finish(scenario())
     run.check_rows()
@@ -136,7 +137,7 @@ def test_a_stranger_s_sigterm_to_main_fast_does_not_end_the_metering():
     async def scenario() -> None:
         async with run:
             run.send(signal.SIGTERM)
-            await until(lambda: run.executive.restarts == 1, "the restart", timeout=20)
+            await until(lambda: run.executive.restarts == 1, "the restart")
             await run.more(15)
 
     finish(scenario())
@@ -169,7 +170,7 @@ def test_a_main_fast_that_does_not_cycle_is_killed_and_relaunched(tmp_path, monk
     async def scenario() -> None:
         async with run:
             hang.touch()
-            await until(lambda: run.executive.restarts, "the restart", timeout=60)
+            await until(lambda: run.executive.restarts, "the restart")
             await run.more(15)
             assert run.executive.restarts == 1
 
@@ -186,7 +187,7 @@ def test_a_source_that_cannot_be_used_at_a_relaunch_is_tried_again(tmp_path, mon
         async with run:
             away.touch()
             run.send(signal.SIGKILL)
-            await until(lambda: not run.executive.health.connected, "the loss is said", timeout=20)
+            await until(lambda: not run.executive.health.connected, "the loss is said")
             assert "does not answer" in run.executive.health.reason
             away.unlink()
             await run.more(15)

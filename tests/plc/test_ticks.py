@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import time
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
@@ -42,12 +43,18 @@ def run(source, library, ring, stop=lambda: False, fd=None):
     return woken, task
 
 
-@pytest.fixture
-def small_ring():
+@contextmanager
+def made_ring():
     ring, fd = Ring.create(RingLayout(RATE, 2, CAPACITY))
     yield ring
     ring.close()
     os.close(fd)
+
+
+@pytest.fixture
+def small_ring():
+    with made_ring() as ring:
+        yield ring
 
 
 def missed(ring):
@@ -64,14 +71,20 @@ def newest(ring):
 @needs_c
 @pytest.mark.parametrize("live", [False, True])
 @pytest.mark.parametrize("wake_in_c", [False, True])
-def test_a_recording_in_loops_arrives_whole_and_wakes_once_per_window(small_ring, live, wake_in_c):
-    woken, task = run(recording(3, live), library_path(), small_ring, fd=wake_in_c)
-    assert small_ring.written == 3 * SAMPLES and small_ring.state == ENDED
-    np.testing.assert_array_equal(newest(small_ring), np.arange(3 * SAMPLES - CAPACITY, 3 * SAMPLES) % SAMPLES)
-    assert task.windows == 3 * SAMPLES // WINDOW
-    # a cycle after a stall completes all windows of the stall and wakes once
-    stalled = missed(small_ring) * PERIOD_NS * RATE * 1e-9 // (WINDOW / 2)
-    assert task.windows - stalled <= woken <= task.windows
+def test_a_recording_in_loops_arrives_whole_and_wakes_once_per_window(live, wake_in_c):
+    for _ in range(20):
+        with made_ring() as ring:
+            woken, task = run(recording(3, live), library_path(), ring, fd=wake_in_c)
+            if live and missed(ring) * PERIOD_NS > CATCH_UP.catch_up_ns:
+                continue  # a machine that stalls for so long loses samples
+            assert ring.written == 3 * SAMPLES and ring.state == ENDED
+            np.testing.assert_array_equal(newest(ring), np.arange(3 * SAMPLES - CAPACITY, 3 * SAMPLES) % SAMPLES)
+            assert task.windows == 3 * SAMPLES // WINDOW
+            # a cycle after a stall completes all windows of the stall and wakes once
+            stalled = missed(ring) * PERIOD_NS * RATE * 1e-9 // (WINDOW / 2)
+            assert task.windows - stalled <= woken <= task.windows
+            return
+    raise AssertionError("the machine stalls all the time")
 
 
 @needs_c

@@ -94,7 +94,7 @@ def echo():
 
 
 def connect(proxy):
-    client = socket.create_connection(("127.0.0.1", proxy.port), timeout=10)
+    client = socket.create_connection(("127.0.0.1", proxy.port), timeout=60)
     client.sendall(b"a")
     return client, client.recv(1)
 
@@ -120,7 +120,7 @@ def test_a_half_open_connection_is_silent_and_then_goes_on(echo):
     with pytest.raises(TimeoutError):
         client.recv(1)
     echo.mode = "pass"
-    client.settimeout(10)
+    client.settimeout(60)
     assert client.recv(1) == b"b"
 
 

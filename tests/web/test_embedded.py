@@ -18,7 +18,7 @@ pytest.importorskip("uvicorn")
 
 def answers(port):
     try:
-        connection = HTTPConnection("127.0.0.1", port, timeout=10)
+        connection = HTTPConnection("127.0.0.1", port, timeout=60)
         connection.request("GET", "/")
         return connection.getresponse().status == 200
     except OSError:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import threading
 import time
 
 import pytest
 
 from acqd.daemon.health.watchdog import Watchdog, interval_s
-from tests.waiting import wait_for
+from tests.waiting import LIMIT_S, wait_for
 
 
 @pytest.fixture(autouse=True)
@@ -16,11 +17,17 @@ def unit(monkeypatch):
 
 
 def test_it_is_fed_while_this_thread_is_blocked_and_only_while_the_service_is_alive():
-    sent, alive = [], True
-    dog = Watchdog(lambda: alive, sent.append)
+    sent, alive, often = [], True, threading.Event()
+
+    def send(message):
+        sent.append(message)
+        if len(sent) > 2:
+            often.set()
+
+    dog = Watchdog(lambda: alive, send)
     dog.start()
-    time.sleep(0.5)  # a call that blocks
-    assert len(sent) > 2 and set(sent) == {"WATCHDOG=1"}
+    assert often.wait(LIMIT_S)  # a call that blocks
+    assert set(sent) == {"WATCHDOG=1"}
     alive = False
     count = len(sent)
     time.sleep(0.3)

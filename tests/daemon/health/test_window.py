@@ -21,7 +21,7 @@ from tests.waiting import finish, until
 
 
 def asked(port, path):
-    connection = HTTPConnection("127.0.0.1", port, timeout=10)
+    connection = HTTPConnection("127.0.0.1", port, timeout=60)
     connection.request("GET", path)
     answer = connection.getresponse()
     return answer.status, json.loads(answer.read())

@@ -29,8 +29,8 @@ SIZES = {
 
 @pytest.mark.parametrize("name", sorted(INDEPENDENT))
 def test_an_effect_that_was_made_otherwise_is_named_first(name, model, robot):
-    amount = {"count": 14, "rows": 700} if name == "thermostat" else {"count": 6, "rows": 600}
-    amount |= {"count": 12} if name in ("process_load", "mechanical_power") else {}
+    amount = {"count": 14, "rows": 700} if name == "thermostat" else {"count": 6, "rows": 450}
+    amount |= {"count": 10} if name in ("process_load", "mechanical_power") else {}
     only = COMMON | {name, *library()[name].neighbours}
     _, selection = traced(model, robot, INDEPENDENT[name], **({} if name in QUICK else amount), only=only)
     assert [named.id for named in selection.effects][:1] == [name], (

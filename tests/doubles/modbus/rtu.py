@@ -75,7 +75,7 @@ class ModbusRtuDouble(ModbusDouble):
         self._folder.cleanup()
 
     def refuse(self, seconds: float) -> None:
-        """Unplug the adapter for `seconds`: an open port fails, and the path does not exist."""
+        """Unplug the adapter for `seconds` from now: an open port fails, and the path does not exist."""
         self._unplug_s = seconds
         os.write(self._wake_write, b"x")
 
@@ -107,8 +107,10 @@ class ModbusRtuDouble(ModbusDouble):
     def _replug(self) -> None:
         if self._unplug_s:
             self._close_line()
-            self._stopping.wait(self._unplug_s)
-            self._unplug_s = 0.0
+            while self._unplug_s and not self._stopping.is_set():  # another `refuse` begins another pause
+                pause_s, self._unplug_s = self._unplug_s, 0.0
+                if select.select([self._wake_read], [], [], pause_s)[0]:
+                    os.read(self._wake_read, 64)
             self._plug()
 
     def _take_frames(self, buffer: bytes, began: float) -> bytes:

@@ -2,11 +2,15 @@
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 
 from acqd.models.augmented import Augmented, Term
 from acqd.models.effects import holdable, library
 from acqd.models.effects.laws import laws
 from acqd.models.effects.laws.law import MotionRange
+from acqd.models.effects.laws.torque_laws import play
 from acqd.models.effects.scene import segment_scene
 from acqd.models.predictor import Stream
 from tests.builders import AXES, grey, motion, recording
@@ -66,3 +70,13 @@ def test_a_stream_of_rows_gives_what_a_whole_recording_gives(law):
     rows = [stream.step(*each) for each in zip(q, brake, strict=True)][corrected.radius :] + stream.finish()
     assert np.array(rows) == pytest.approx(whole, abs=1e-3)
     assert np.abs(whole - model.sequence(q, brake)).max() > 0.1
+
+
+@given(arrays(float, st.integers(1, 40), elements=st.floats(-10, 10)), st.floats(0, 5), st.floats(-20, 20))
+@settings(max_examples=60)
+def test_a_play_follows_row_by_row_at_a_distance_of_its_half_width(values, width, start):
+    at, expected = start, []
+    for value in values:
+        at = min(max(at, value - width), value + width)
+        expected.append(at)
+    np.testing.assert_array_equal(play(values, width, start), expected)

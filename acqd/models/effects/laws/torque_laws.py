@@ -127,9 +127,10 @@ def play(values: Floats, width: float, start: float) -> Floats:
 
     `start`: where the play was before the first value.
     """
-    followed = np.empty_like(values)
-    at = start
-    for row, value in enumerate(values.tolist()):
-        at = min(max(at, value - width), value + width)
-        followed[row] = at
-    return followed
+    low, high = values - width, values + width
+    reach = 1
+    while reach < len(values):  # the play of several rows is that of one row with other limits: double their number
+        before = low[:-reach], high[:-reach]
+        low[reach:], high[reach:] = (np.minimum(np.maximum(limit, low[reach:]), high[reach:]) for limit in before)
+        reach *= 2
+    return np.minimum(np.maximum(start, low), high)
