@@ -12,7 +12,7 @@ import typer
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
-from acqd.cli.lab.options import Effects, LabFile, Robot, Scene, Seed, Undeclared, settings_from
+from acqd.cli.lab.options import Effects, LabFile, Robot, RobotSeed, Scene, Seed, Undeclared, settings_from
 from acqd.cli.options import Json
 from acqd.cli.terminal import terminal
 from acqd.errors import UserError
@@ -45,6 +45,7 @@ def campaign(
     robot: Robot = None,
     scene: Scene = None,
     seed: Seed = None,
+    robot_seed: RobotSeed = None,
     effect: Effects = None,
     undeclared: Undeclared = None,
     settings: LabFile = None,
@@ -79,6 +80,7 @@ def campaign(
         "robot": robot,
         "scene": scene,
         "seed": seed,
+        "robot_seed": robot_seed,
     }
     config = CampaignConfig(
         settings_from(CampaignSettings, settings, given, specs),
