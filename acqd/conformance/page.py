@@ -27,7 +27,8 @@ _PICTURE_POINTS = 1_200
 
 def sheet_page(sheet: Sheet) -> Page:
     """The page, not yet written."""
-    page = Page(f"Conformance sheet of acqd behind {sheet.terminal.name}", simulated=True)
+    name = sheet.terminal.name
+    page = Page(f"Conformance sheet of acqd behind {name}", simulated=True, kind="conformance", subject=name)
     page.verdict(_verdict(sheet))
     page.text(LABEL)
     page.text(

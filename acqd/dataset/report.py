@@ -54,7 +54,9 @@ def report_writer(
     typical = _Typical(batch.merged[k], regressors[k], ignored, removed)
 
     def write(folder: Path) -> None:
-        page = Page(title, simulated=batch.powers[0].measured == "simulated")
+        page = Page(
+            title, simulated=batch.powers[0].measured == "simulated", kind="dataset", subject=Path(config.robot).stem
+        )
         page.verdict(_verdict(batch, typical))
         page.lines(_chart(batch, typical), _caption(typical))
         _lags_of_all(page, batch, regressors)

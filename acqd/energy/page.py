@@ -24,7 +24,8 @@ def energy_page(bill: Statement) -> Page:
     page = Page(
         f"Energy of {', '.join(one.device for one in bill.accounts)}",
         simulated=any(one.simulated for one in bill.accounts),
-    )
+        kind="energy", subject=", ".join(one.device for one in bill.accounts),
+    )  # fmt: skip
     page.verdict(_verdict(bill))
     page.text(
         f"From {_shown(bill, bill.chosen.begin)} to {_shown(bill, bill.chosen.end)}, local time of {bill.zone.key}. "

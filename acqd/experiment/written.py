@@ -20,6 +20,7 @@ from acqd.experiment.design import Designed, as_json
 from acqd.experiment.page import write_page
 from acqd.motion.chain import Move
 from acqd.motion.controller import RATE, Step, Wait
+from acqd.report.chain import REPORT, connect
 from acqd.robot.description import RobotDescription
 
 _ROWS_PER_S = 100
@@ -50,6 +51,7 @@ def write_all(folder: Path, designed: Designed) -> None:
             (out / name).write_text(text, encoding="utf-8")
         (out / "next.json").write_bytes(orjson.dumps(as_json(designed), option=orjson.OPT_INDENT_2))
         write_page(out / "next.html", designed)
+    connect(folder / "next.html", [designed.question.report / REPORT])
 
 
 def timed(designed: Designed) -> str:

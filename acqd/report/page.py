@@ -12,8 +12,10 @@ from typing import TYPE_CHECKING, Any
 from acqd.errors import UserError
 from acqd.report.bars import Bars
 from acqd.report.blocks import Block, Chapter, Folded, Lines, Picture, Ranking, Section, Text, table_of
+from acqd.report.chain import EMPTY
 from acqd.report.drawing import inline_svg
 from acqd.report.footer import provenance
+from acqd.report.head import Head
 from acqd.report.lines import Chart
 from acqd.report.verdict import Verdict
 
@@ -26,10 +28,11 @@ _ASSETS = Path(__file__).with_name("assets")
 class Page:
     """A report under construction. All texts are HTML-escaped."""
 
-    def __init__(self, title: str, *, simulated: bool) -> None:
-        """`simulated` puts a conspicuous label on top."""
+    def __init__(self, title: str, *, simulated: bool, kind: str = "page", subject: str = "") -> None:
+        """`simulated` puts a conspicuous label on top; `kind` and `subject`: what the page is, of which robot."""
         self._title = title
         self._simulated = simulated
+        self._kind, self._subject = kind, subject
         self._verdict: Verdict | None = None
         self._opening: list[Block] = []
         self._sections: list[Section] = []
@@ -112,11 +115,16 @@ class Page:
 
     def html(self) -> str:
         """The page."""
+        origin = provenance(self._details)
+        head = Head(
+            self._title, self._kind, self._subject, origin["written"], origin["by"], self._simulated,
+            self._verdict or Verdict("fine", ""),
+        )  # fmt: skip
         return str(
             _template().render(
                 title=self._title, simulated=self._simulated, verdict=self._verdict, opening=self._opening,
-                sections=[section for section in self._sections if section.blocks],
-                provenance=provenance(self._details), style=_asset("style.css"), script=_asset("script.js"),
+                sections=[section for section in self._sections if section.blocks], head=head.as_script(), pages=EMPTY,
+                provenance=origin, style=_asset("style.css"), script=_asset("script.js"),
             )
         )  # fmt: skip
 

@@ -19,7 +19,7 @@ _SHOWN = 12
 def check_page(check: Check) -> Page:
     """The page, not yet written."""
     robot = check.robot
-    page = Page(f"Robot description {robot.name}: {robot.title}", simulated=False)
+    page = Page(f"Robot description {robot.name}: {robot.title}", simulated=False, kind="robot", subject=robot.name)
     page.verdict(_verdict(check))
     page.figure(
         arm_picture(robot),

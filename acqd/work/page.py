@@ -22,7 +22,7 @@ _USUAL, _OUTLIER = "#1d6fa5", "#b45309"
 
 def cycles_page(title: str, energy: CycleEnergy, *, simulated: bool) -> Page:
     """The page of cycles, not yet written."""
-    page = Page(f"Energy of cycles: {title}", simulated=simulated)
+    page = Page(f"Energy of cycles: {title}", simulated=simulated, kind="energy", subject=title.partition(",")[0])
     page.verdict(_cycles_verdict(energy))
     page.text(
         "Cycles are found in the joint angles alone: the same path, again and again, from the moment at which the arm "
@@ -58,7 +58,7 @@ def cycles_page(title: str, energy: CycleEnergy, *, simulated: bool) -> Page:
 
 def labels_page(title: str, by: str, values: Sequence[Labelled], *, simulated: bool) -> Page:
     """The page of a label, not yet written."""
-    page = Page(f"Energy by {by}: {title}", simulated=simulated)
+    page = Page(f"Energy by {by}: {title}", simulated=simulated, kind="energy", subject=title.partition(",")[0])
     whole = sum(each.kWh for each in values)
     most = max(values, key=lambda each: each.kWh)
     seconds = sum(each.seconds for each in values)

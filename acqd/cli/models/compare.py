@@ -30,6 +30,7 @@ def compare(
     from acqd.models.compare.evaluate import compare as run
     from acqd.models.compare.report import as_json, write_report
     from acqd.models.segments import load_dataset
+    from acqd.report.chain import REPORT, connect
 
     folder = models or default_models(dataset)
     console = terminal(stderr=True)
@@ -40,6 +41,7 @@ def compare(
         )
     path = out or folder / "report.html"
     write_report(comparison, path)
+    connect(path, [dataset / REPORT])
     for note in comparison.notes:
         console.print(f"acqd: {note}")
     if json:

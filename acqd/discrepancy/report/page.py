@@ -28,7 +28,10 @@ _QUESTIONS = {
 def write_report(path: Path, config: CloseConfig, closed: Closed) -> None:
     """Write the page. Raises UserError."""
     subject = closed.subject
-    page = Page(f"Error of the model on {config.dataset.name}", simulated=subject.data.measured == "simulated")
+    page = Page(
+        f"Error of the model on {config.dataset.name}",
+        simulated=subject.data.measured == "simulated", kind="closing report", subject=subject.data.robot,
+    )  # fmt: skip
     page.verdict(tile(closed, config.duty))
     if subject.data.measured == "derived":
         page.text("The power of this dataset is derived from other measurements, not metered.")

@@ -15,7 +15,9 @@ from acqd.report import KeyFigure, Page, Verdict
 
 def trajectories_report(cell: Cell, trajectories: TrajectorySet, folder: Path) -> Path:
     """Workspaces, points, blending, and two executions of one trajectory; figures also as PNG."""
-    page = Page(f"Excitation trajectories of {cell.robot.title}", simulated=True)
+    page = Page(
+        f"Excitation trajectories of {cell.robot.title}", simulated=True, kind="trajectories", subject=cell.robot.name
+    )
     page.verdict(_verdict(cell, trajectories))
     columns = ("trajectories", "points", "unreachable", "colliding")
     rows = [[space, *(tally[key] for key in columns)] for space, tally in trajectories.summary().items()]

@@ -29,7 +29,10 @@ _HEATMAPS = (
 def write_report(comparison: Comparison, path: Path) -> None:
     """Write the report to `path`. Raises UserError."""
     data = comparison.data
-    page = Page(f"Models of the power of {data.robot}", simulated=data.measured == "simulated")
+    page = Page(
+        f"Models of the power of {data.robot}",
+        simulated=data.measured == "simulated", kind="models", subject=data.robot,
+    )  # fmt: skip
     page.verdict(_verdict(comparison))
     if data.measured == "derived":
         page.text("The power was derived from other measurements, not metered. Errors are against that derived power.")
