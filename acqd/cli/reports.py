@@ -30,7 +30,7 @@ def reports(
     """
     require("acqd reports", ("jinja2",), "loop")
     from acqd.report.head import read_head
-    from acqd.report.index import INDEX, KIND, index_page, pages_beneath, said
+    from acqd.report.index import INDEX, KIND, index_page, pages_beneath, said, what
 
     page = out or folder / INDEX
     if page.suffix not in (".html", ".htm"):
@@ -54,7 +54,7 @@ def reports(
         table = Table("file", "what", "robot", "says", "written (UTC)")
         for each in found.pages:
             name, head = str(each.path.relative_to(folder)), each.head
-            table.add_row(name, head.kind, head.subject, said(head), head.written.removesuffix(" UTC"))
+            table.add_row(name, what(head), head.subject, said(head), head.written.removesuffix(" UTC"))
         console.print(table)
     else:
         console.print(f"{folder}: no report of acqd")

@@ -10,17 +10,17 @@ import json
 import re
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from acqd.errors import InputError
-from acqd.report.verdict import KeyFigure, Verdict
+from acqd.report.verdict import KeyFigure, Tone, Verdict
 
 _BEGINNING = 65_536
 """Bytes that hold the words; the verdict is a few sentences."""
 _END = 64
 _MARK = re.compile(rb'<script type="application/json" id="page">(.*?)</script>', re.DOTALL)
 _TITLE = re.compile(r"<title>(.*?)</title>", re.DOTALL)
-_HEADLINE = re.compile(r'<h2 id="verdict">(.*?)</h2>', re.DOTALL)
+_TILE = re.compile(r'<section class="tile (\w+)"[^>]*><h2 id="verdict">(.*?)</h2>', re.DOTALL)
 _WRITTEN = re.compile(r"<dt>written</dt><dd>(.*?)</dd><dt>by</dt><dd>(acqd .*?)</dd>")
 
 
@@ -82,8 +82,9 @@ def _of_text(path: Path) -> Head:
     written, title = _WRITTEN.search(text), _TITLE.search(text)
     if written is None or title is None:
         raise InputError(path, "is no page of acqd")
-    headline = _HEADLINE.search(text)
-    words = [html.unescape(each.group(1)) if each else "" for each in (title, headline)]
+    tile = _TILE.search(text)
+    tone: Tone = next((tone for tone in get_args(Tone) if tile and tile.group(1) == tone), "open")
+    verdict = Verdict(tone, html.unescape(tile.group(2)) if tile else "")
     simulated = '<span class="label">simulated data</span>' in text
-    verdict = Verdict("fine", words[1])
-    return Head(words[0], written=written.group(1), by=written.group(2), simulated=simulated, verdict=verdict)
+    name = html.unescape(title.group(1))
+    return Head(name, written=written.group(1), by=written.group(2), simulated=simulated, verdict=verdict)

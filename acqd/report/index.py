@@ -80,11 +80,11 @@ def index_page(found: Pages, out: Path) -> Page:
     page.heading("Pages")
     if found.pages:
         page.table(
-            ["report", "what", "robot or device", "says", "written (UTC)"],
+            ["page", "what", "robot or device", "says", "written (UTC)"],
             [
                 (
-                    Link(each.head.title, _address(each.path, out)), each.head.kind, each.head.subject,
-                    said(each.head), each.head.written.removesuffix(" UTC"),
+                    Link(str(each.path.relative_to(found.folder)), _address(each.path, out)), what(each.head),
+                    each.head.subject, said(each.head), each.head.written.removesuffix(" UTC"),
                 )
                 for each in found.pages
             ],
@@ -93,6 +93,11 @@ def index_page(found: Pages, out: Path) -> Page:
     if found.others:
         page.table(["file", "why"], [(str(path.relative_to(found.folder)), why) for path, why in found.others])
     return page
+
+
+def what(head: Head) -> str:
+    """What a page is; a page of an earlier version has only its title."""
+    return head.kind if head.kind != "page" else head.title
 
 
 def said(head: Head) -> str:

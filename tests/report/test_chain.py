@@ -81,7 +81,8 @@ def test_reports_lists_every_page_and_names_what_it_cannot_read(three, tmp_path)
     assert names[0] == "bad.html" and set(names[1:]) == {
         "old.html", *(str(page.relative_to(tmp_path)) for page in three)
     }  # fmt: skip
-    assert next(e for e in told["reports"] if e["path"].endswith("old.html"))["verdict"]["headline"].startswith("Found")
+    earlier = next(each for each in told["reports"] if each["path"].endswith("old.html"))["verdict"]
+    assert earlier["headline"] == "Found in closing report" and earlier["tone"] == "found"
     reasons = {each["path"].rpartition("/")[2]: each["reason"] for each in told["others"]}
     assert {name: reason.split(":")[0] for name, reason in reasons.items()} == {
         "foreign.html": "is no page of acqd", "empty.html": "is no page of acqd", "binary.html": "is no page of acqd",
@@ -89,7 +90,7 @@ def test_reports_lists_every_page_and_names_what_it_cannot_read(three, tmp_path)
         "gone.html": "cannot be read (No such file or directory)",
     }  # fmt: skip
     text = (tmp_path / "reports.html").read_text()
-    assert 'href="my%20ds/report.html">Title &lt;1&gt;</a>' in text and "foreign.html" in text
+    assert 'href="my%20ds/report.html">my ds/report.html</a>' in text and "foreign.html" in text
     again = acqd_here("reports", tmp_path)
     assert again.returncode == 0 and "not listed" in again.stdout and "reports.html" in again.stdout
     assert json.loads(acqd_here("reports", tmp_path, "--json").stdout)["reports"].__len__() == 5  # not the list itself
