@@ -63,6 +63,7 @@ _COMMANDS = (
     _Command("train", _MODEL, "a model of the power", room="models.train"),
     _Command("compare", _MODEL, "models on one data set", room="models.compare"),
     _Command("predict", _MODEL, "power of a robot's log", room="models.predict"),
+    _Command("try", _EXPLAIN, "from robot to verdict", room="trial"),
     _Command("close-loop", _EXPLAIN, "the cause of a residual"),
     _Command("next", _EXPLAIN, "the motion that decides", room="next_motion"),
     _Command("fleet", _EXPLAIN, "the loop, many robots"),
