@@ -29,7 +29,8 @@ _EITHER = re.compile(r"(\w+) \(or (\w+)\)")
 def tile(closed: Closed, duty: Duty) -> Verdict:
     """What a plant engineer needs within a minute; `duty`: for the cost of a year."""
     figures = _how_much(closed) + _how_sure(closed) + mean_power(closed) + _costs(closed, duty) + [_error(closed)]
-    return Verdict(_TONES[closed.verdict], _headline(closed), _sentence(closed), figures, next_steps(closed))
+    warnings = [f"{_capital(warning)}." for warning in closed.warnings]
+    return Verdict(_TONES[closed.verdict], _headline(closed), _sentence(closed), figures, next_steps(closed), warnings)
 
 
 def _headline(closed: Closed) -> str:
