@@ -39,6 +39,7 @@ class Page:
         self._details: dict[str, str] = {}
         self._blocks = self._opening
         self._pictures = self._tables = 0
+        self._footnotes: list[str] = []
 
     def verdict(self, verdict: Verdict) -> None:
         """Set the tile on top."""
@@ -64,16 +65,20 @@ class Page:
         label = f"Table {self._tables}: {', '.join(name for name in header if name)}"
         self._blocks.append(table_of(label, header, rows))
 
-    def lines(self, chart: Chart, caption: str) -> None:
-        """Add a chart that shows the values below the pointer."""
-        self._blocks.append(Lines(chart.thinned(), caption))
+    def lines(self, chart: Chart, caption: str, source: str = "") -> None:
+        """Add a chart that shows the values below the pointer; `source` becomes a footnote."""
+        self._blocks.append(Lines(chart.thinned(), self._noted(caption, source)))
 
     def bars(self, bars: Bars, caption: str) -> None:
         """Add a ranking."""
         self._blocks.append(Ranking(bars, caption))
 
-    def figure(self, figure: Figure, caption: str, png: Path | None = None, alt: str = "") -> None:
-        """Add a matplotlib figure, with an alternative text (default: its caption); with `png`, also save it there."""
+    def figure(self, figure: Figure, caption: str, png: Path | None = None, alt: str = "", source: str = "") -> None:
+        """Add a matplotlib figure, with an alternative text (default: its caption); with `png`, also save it there.
+
+        `source`, such as a figure of a publication, becomes a footnote.
+        """
+        caption = self._noted(caption, source)
         if png is not None:
             figure.savefig(png, format="png", dpi=130, bbox_inches="tight")
         self._pictures += 1
@@ -82,6 +87,12 @@ class Page:
                 inline_svg(figure, alt or caption, f"f{self._pictures}"), f"Figure {self._pictures}: {caption}", caption
             )
         )
+
+    def _noted(self, caption: str, source: str) -> str:
+        if not source:
+            return caption
+        self._footnotes.append(source)
+        return f"{caption} [{len(self._footnotes)}]"
 
     @contextmanager
     def folded(self, title: str) -> Iterator[None]:
@@ -124,6 +135,7 @@ class Page:
             _template().render(
                 title=self._title, simulated=self._simulated, verdict=self._verdict, opening=self._opening,
                 sections=[section for section in self._sections if section.blocks], head=head.as_script(), pages=EMPTY,
+                footnotes=self._footnotes,
                 provenance=origin, style=_asset("style.css"), script=_asset("script.js"),
             )
         )  # fmt: skip

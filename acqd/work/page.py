@@ -29,7 +29,7 @@ def cycles_page(title: str, energy: CycleEnergy, *, simulated: bool) -> Page:
         "leaves its longest rest. Together with what lies between them they are all the measured energy."
     )
     if energy.cycles:
-        page.figure(_course(energy.cycles), "Energy of every cycle in its order; orange: outliers.")
+        page.figure(_course(energy.cycles), "Energy of every cycle in its order; crosses: outliers.")
         page.heading("Cycles")
         page.table(KIND_HEADER, [kind_cells(kind, cycles) for kind, cycles in kinds(energy).items()])
     page.heading("Outside of cycles")
@@ -98,7 +98,7 @@ def _course(cycles: Sequence[Cycle]) -> Figure:
     odd = np.array([bool(each.outlier) for each in cycles])
     number = np.arange(1, len(kwh) + 1)
     axes.plot(number[~odd], kwh[~odd], ".", ms=4, color=_USUAL)
-    axes.plot(number[odd], kwh[odd], "o", ms=4, color=_OUTLIER)
+    axes.plot(number[odd], kwh[odd], "x", ms=6, mew=2, color=_OUTLIER)
     axes.set_xlabel("cycle")
     axes.set_ylabel("energy [Wh]")
     axes.set_ylim(bottom=min(0.0, 1.1 * float(kwh.min())), top=1.1 * float(kwh.max()))
