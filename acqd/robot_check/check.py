@@ -41,14 +41,14 @@ class Check:
         return [each for each in self.power.influences if each.guessed]
 
     @property
-    def together_W(self) -> float:
+    def guessed_change(self) -> float:
         """RMS change of the power by all guesses together, if they are wrong independently of each other, W."""
         return math.hypot(*(each.change_W for each in self.guessed_influences))
 
     @property
     def guesses_matter(self) -> bool:
         """Whether the guesses decide a part of the power that is worth a look."""
-        return self.together_W > _MATTERS * self.power.deviation_W
+        return self.guessed_change > _MATTERS * self.power.deviation_W
 
     @property
     def doubt(self) -> str:
@@ -57,7 +57,7 @@ class Check:
             return ""
         count = len(self.guessed_influences)
         return (
-            f"{count} guessed values change the power by {self.together_W:.0f} W RMS together, of "
+            f"{count} guessed values change the power by {self.guessed_change:.0f} W RMS together, of "
             f"{self.power.deviation_W:.0f} W: until a model is trained with metered power, a prediction is a guess, too"
         )
 
@@ -71,7 +71,7 @@ class Check:
             "guessed": self.guesses,
             "findings": [asdict(finding) for finding in self.findings],
             "power": {key: getattr(self.power, key) for key in ("mean_W", "deviation_W", "peak_W")},
-            "guessed_W": self.together_W,
+            "guessed_W": self.guessed_change,
             "doubt": self.doubt,
             "influences": [asdict(each) for each in self.power.influences],
         }

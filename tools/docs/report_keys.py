@@ -49,6 +49,7 @@ KEYS: dict[str, tuple[str, str]] = {
     ),
     "next": ("list of text", "what to do, most useful first"),
     "notes": ("list of text", "remarks on recordings and model"),
+    "warnings": ("list of text", "those of the notes that make the verdict less than it seems"),
     "model": ("`{name, bundle}`", "the model that was asked about"),
     "dataset": ("text", "folder of the recordings in question"),
     "asked": ("object", "what the run was asked for: `acqd next` opens the same recordings and model again"),
