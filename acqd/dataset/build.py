@@ -31,6 +31,7 @@ __all__ = ["BuildConfig", "BuildReport", "build"]
 
 _MIN_VALID_S = 2.0
 _MIN_FOR_CLOCK = 4  # logs from which on a common clock is expected
+_FEW = 4  # recordings that training and the loop need
 _LONG_S = 20.0  # one log of this length is cut even if nobody asked: three pieces
 _SQLITE = "sqlite:///"
 _Progress = Callable[[str, float], None]
@@ -85,6 +86,11 @@ def build(config: BuildConfig, progress: _Progress) -> BuildReport:
 def _cut(logs: Logs, config: BuildConfig, robot: RobotDescription, before: Existing) -> None:
     """Cuts the logs as ordered, or by default a single long one, and notes how the length was chosen."""
     length = config.cut_s
+    seconds = [float(np.ptp(in_time(log)[0])) for log in logs.kept]
+    if length is None and not before.names and 1 < len(logs.kept) < _FEW and min(seconds) >= _LONG_S:
+        logs.notes.append(
+            f"{len(logs.kept)} recordings are too few for training, test and the loop: --cut auto cuts them into pieces"
+        )
     if length is None and not before.names and len(logs.kept) == 1 and np.ptp(in_time(logs.kept[0])[0]) >= _LONG_S:
         # short pieces are harder to align than the whole
         length = AUTO if config.power == LOG or config.lag_s is not None else None
