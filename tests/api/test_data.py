@@ -150,7 +150,7 @@ def test_axes_in_another_order_are_refused_in_tables_and_by_the_estimator(folder
 
 def test_rows_of_a_database_need_no_pyarrow(tmp_path):
     """In a process of its own: this one has imported everything."""
-    rows = "INSERT INTO power VALUES ('a', 'L1', 'b', ?, '2026-01-01T00:00:00Z', ?, 230, 1, 100, 0, 1, 50, 0, '[]', 1)"
+    rows = "INSERT INTO power VALUES ('a', 'L1', 'b', ?, '2026-01-01T00:00:00Z', ?, 230, 1, ?, 0, 1, 50, 0, '[]', 1)"
     code = f"""
 import sqlite3, sys
 for name in ("pyarrow", "scipy", "matplotlib", "jinja2"):
@@ -160,7 +160,7 @@ from acqd.storage.database import open_database
 file = {str(tmp_path / "rows.sqlite")!r}
 open_database(file).dispose()
 with sqlite3.connect(file) as database:
-    database.executemany({rows!r}, [(k, 133480224000000000 + 400000 * k) for k in range(5)])
+    database.executemany({rows!r}, [(k, 133480224000000000 + 400000 * k, 100 + k) for k in range(5)])
 print(len(acqd.read_rows(file)))
 try:
     acqd.read_rows("power.csv")
