@@ -78,9 +78,9 @@ def take(shown: list[View], out: Path) -> list[Path]:
             page.goto(view.address)
             page.wait_for_timeout(view.wait_ms)
             image = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
-            path = out / f"{view.name}.png"
-            image.quantize(_COLOURS, dither=Image.Dither.NONE).save(path, optimize=True)
-            written.append(path)
+            picture = out / f"{view.name}.png"
+            image.quantize(_COLOURS, dither=Image.Dither.NONE).save(picture, optimize=True)
+            written.append(picture)
             page.close()
         browser.close()
     return written

@@ -66,11 +66,11 @@ def session(out: Path, seed: int, console: Console) -> Judged:
     circle = Circle(Steps(out / f"seed-{seed:03d}", console), "iiwa7_r800")
     circle.out.mkdir(parents=True, exist_ok=True)
     after = circle.out / "after"
-    words = ("lab", "campaign", "--out", after, *AFTER, "--seed", seed, "--jobs", 1)
-    circle.steps.run(Step.of(after / "report.html", *words))
+    measured = ("lab", "campaign", "--out", after, *AFTER, "--seed", seed, "--jobs", 1)
+    circle.steps.run(Step.of(after / "report.html", *measured))
     circle.steps.run(circle.dataset("after.ds", after / "power.sqlite", after / "logs"))
-    words = ("close-loop", circle.out / "after.ds", "--model", out / "model", "--out", circle.loop)
-    circle.steps.run(Step.of(circle.loop / "report.json", *words))
+    closed = ("close-loop", circle.out / "after.ds", "--model", out / "model", "--out", circle.loop)
+    circle.steps.run(Step.of(circle.loop / "report.json", *closed))
     return judged(seed, report_of(circle.loop))
 
 
