@@ -4,7 +4,7 @@
 run:
 	@sh tools/bootstrap.sh run $(ARGS)
 
-# a simulated robot, a hidden change, the verdict in the browser: a minute or two; ARGS="--seed 2" for another change
+# a simulated robot, a hidden change, the verdict in the browser: two minutes; ARGS="--seed 2" for another change
 demo:
 	@sh tools/bootstrap.sh demo $(ARGS)
 

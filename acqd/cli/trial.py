@@ -42,7 +42,7 @@ def trial(
 ) -> None:
     """Measure a simulated robot, hide a change in it, find the cause, and show verdict and truth in the browser.
 
-    All data are simulated. Takes one to two minutes on two free cores.
+    All data are simulated. Takes about two minutes on two free cores.
 
     Example: acqd try --seed 2
     """
