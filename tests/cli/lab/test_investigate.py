@@ -90,8 +90,13 @@ def test_bad_input_is_one_line_and_leaves_nothing(tmp_path, words):
     assert done.returncode == 2 and len(done.stderr.strip().splitlines()) == 1 and not (tmp_path / "c").exists()
 
 
-def test_a_command_of_a_step_tells_its_progress_and_its_last_line(tmp_path):
+def test_a_command_of_a_step_tells_its_progress_and_its_last_line(monkeypatch, tmp_path):
+    acqd = tmp_path / "acqd"
+    lines = ['{"step":"reading","share":0.5}', '{"step": 1', "acqd: ds: no recording could be used", ""]
+    script = ["#!/bin/sh", "cat >&2 <<'END'", *lines, "END", '[ "$ACQD_PROGRESS" = lines ] && exit 2', ""]
+    acqd.write_text("\n".join(script))
+    acqd.chmod(0o755)
+    monkeypatch.setattr(steps.sys, "executable", str(acqd))
     told = []
-    words = ["dataset", "build", "--power", "x.csv", "--logs", str(tmp_path), "--out", "o"]
-    code, said = steps.run_command(words, lambda *step: told.append(step))
-    assert code == 2 and said.startswith("x.csv: ") and told == [("reading power", 0.0)]
+    code, said = steps.run_command(["dataset", "build"], lambda *step: told.append(step))
+    assert (code, said, told) == (2, "ds: no recording could be used", [("reading", 0.5)])
