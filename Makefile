@@ -1,8 +1,12 @@
-# `make run` and `make test` are all a newcomer needs; tools/bootstrap.sh does the work.
-.PHONY: run test lint bench faults soak sbom fuzz docs install clean
+# `make demo`, `make run` and `make test` are all a newcomer needs; tools/bootstrap.sh does the work.
+.PHONY: run demo test lint bench faults soak sbom fuzz docs install clean
 
 run:
 	@sh tools/bootstrap.sh run $(ARGS)
+
+# a simulated robot, a hidden change, the verdict in the browser: two minutes; ARGS="--seed 2" for another change
+demo:
+	@sh tools/bootstrap.sh demo $(ARGS)
 
 test:
 	@sh tools/bootstrap.sh test $(ARGS)

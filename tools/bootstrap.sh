@@ -1,7 +1,7 @@
 #!/bin/sh
 # Sets up .venv and runs, tests or measures acqd: what `make run|test|bench` do, for a machine without make.
-#   sh tools/bootstrap.sh run [arguments of acqd run, or --demo KIND] | test | lint | bench | faults | sbom [EXTRA] |
-#   install EXTRA
+#   sh tools/bootstrap.sh run [arguments of acqd run, or --demo KIND] | demo [arguments of acqd try] | test | lint |
+#   bench | faults | sbom [EXTRA] | install EXTRA
 set -eu
 cd "$(dirname "$0")/.."
 venv=${ACQD_VENV:-.venv}
@@ -144,6 +144,10 @@ run)
     install ""
     exec "$venv/bin/acqd" run "$@"
     ;;
+demo)
+    install lab,loop
+    exec "$venv/bin/acqd" try "$@"
+    ;;
 install)
     install "${1:-}"
     ;;
@@ -195,7 +199,7 @@ faults | soak)
     exec "$venv/bin/python" -m "tools.studies.$command" "$@"
     ;;
 *)
-    say "usage: sh tools/bootstrap.sh run|test|lint|bench|faults|soak|sbom|install"
+    say "usage: sh tools/bootstrap.sh run|demo|test|lint|bench|faults|soak|sbom|install"
     exit 2
     ;;
 esac

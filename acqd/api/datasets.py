@@ -23,6 +23,8 @@ from acqd.extras import LOOP, require
 _FORM = 1
 """Raised when the same settings give other data."""
 _ROBOT = "iiwa7_r800"
+_ROBOT_SEED = 1
+"""All sets of a type measure one robot: seeds draw its motions and the noise."""
 _FEWEST = 2
 _KEPT = re.compile(r"-[0-9a-f]{12}$")
 """End of the name of a set."""
@@ -76,8 +78,9 @@ def _made(robot: str, recordings: int, seed: int, effect: str | None) -> Dataset
     limited = (recordings + 1) // 2
     try:
         settings = CampaignSettings(
-            robot=robot, seed=seed, limited=limited, all_space=recordings - limited, effects=hidden
-        )
+            robot=robot, seed=seed, robot_seed=_ROBOT_SEED, limited=limited, all_space=recordings - limited,
+            effects=hidden,
+        )  # fmt: skip
     except ValidationError as error:
         first = error.errors()[0]
         raise UserError(f"{'.'.join(map(str, first['loc']))}: {first['msg']}") from None

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Literal, cast
 import numpy as np
 
 from acqd.api.dataset import Dataset
+from acqd.api.html import table
 from acqd.api.places import Place, path_of
 from acqd.api.records import Metadata
 from acqd.dataset.places import default_models
@@ -16,6 +17,7 @@ from acqd.errors import UserError
 from acqd.extras import require
 
 if TYPE_CHECKING:
+    from acqd.api.records import Errors
     from acqd.arrays import Floats
     from acqd.models.predict import Prediction
     from acqd.robot.log import RobotLog
@@ -64,6 +66,15 @@ class Model:
 
     def __repr__(self) -> str:
         return f"Model({str(self.path)!r})"
+
+    def _repr_html_(self) -> str:
+        """For notebooks: errors on the parts of the data that the model was trained with."""
+        about = self.metadata
+        metrics = cast("dict[str, Errors | None]", about["metrics"])
+        rows = [(part, f"{errors['mae']:.2f}", f"{errors['rmse']:.2f}") for part, errors in metrics.items() if errors]
+        origin = f", {about['measured']} power" if "measured" in about else ""
+        caption = f"{self.path.name}: {about['kind']} of {about['robot']}, {self.axes} axes, {self.step_s:g} s{origin}"
+        return table(caption, ("part", "MAE [W]", "RMSE [W]"), rows)
 
 
 def open_model(bundle: Place) -> Model:

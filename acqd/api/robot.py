@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from acqd.api.html import table
 from acqd.errors import UserError
 from acqd.robot.description import load_description, shipped_descriptions
 
@@ -81,3 +82,12 @@ class Robot:
 
     def __repr__(self) -> str:
         return f"Robot({self.name!r})"
+
+    def _repr_html_(self) -> str:
+        """For notebooks: the joints with their limits."""
+        rows = []
+        for joint in self.description.joint:
+            unit = "m" if joint.slides else "deg"
+            limits = f"{joint.limits[0]:g} to {joint.limits[1]:g} {unit}"
+            rows.append((joint.name, limits, f"{joint.speed:g} {unit}/s", ", ".join(joint.guessed) or "nothing"))
+        return table(f"{self.name}: {self.title}", ("joint", "limits", "speed", "guessed"), rows)

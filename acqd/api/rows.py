@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
+import numpy as np
+
+from acqd.api.html import table
 from acqd.api.places import Place
 from acqd.arrays import Floats
 from acqd.extras import require
@@ -33,6 +38,15 @@ class Rows:
     def __len__(self) -> int:
         return len(self.P)
 
+    def _repr_html_(self) -> str:
+        """For notebooks: span, length and power."""
+        span = [f"{datetime.fromtimestamp(int(t) / 1e9, UTC):%Y-%m-%d %H:%M:%S}" for t in self.time_ns[[0, -1]]]
+        P = self.P[np.isfinite(self.P)]
+        watts = [f"{value:.1f}" for value in (P.min(), P.mean(), P.max())] if len(P) else ["-"] * 3
+        origin = "simulated" if self.measured == "simulated" else f"power: {self.measured}"
+        head = ("from (UTC)", "to (UTC)", "row [s]", "lowest P [W]", "mean P [W]", "highest P [W]")
+        return table(f"{len(self)} rows, {origin}", head, [(*span, f"{self.window_s:g}", *watts)])
+
     def to_arrow(self) -> pyarrow.Table:
         """A table with `time` (UTC timestamps), `P` and `Vrms`, and the units in the metadata of the fields."""
         from acqd.dataset.schema import recording_table
@@ -48,14 +62,16 @@ class Rows:
 def read_rows(source: Place, *, device: str | None = None, channel: str | None = None) -> Rows:
     """Rows of a .csv, .jsonl or .parquet file, a .sqlite file or an SQL URL.
 
-    `device` and `channel` default to the only device, and to total, else L1. Raises InputError, UserError.
+    `device` and `channel` default to the only device, and to total, else L1. A file needs pyarrow (`acqd[rows]`), a
+    database nothing more than acqd. Raises InputError, UserError.
 
     >>> rows = read_rows("power.csv")
     >>> rows.measured, rows.window_s
     ('simulated', 0.04)
     """
-    require("read_rows", ("pyarrow", "scipy"), "data")
-    from acqd.dataset.power import open_power
+    from acqd.dataset.power import FILES, open_power
 
+    if Path(str(source)).suffix in FILES:
+        require("read_rows of a file", ("pyarrow",), "rows")
     stream = open_power(str(source), device, channel)
     return Rows(stream.time_ns, stream.P, stream.Vrms, stream.window_ns * 1e-9, stream.measured)

@@ -29,7 +29,10 @@ _SOURCES = {
 def balance_page(title: str, balance: Balance, rows: Rows, years: dict[Cause, Yearly], measured: str) -> Page:
     """The page, not yet written; `measured`: origin of the power."""
     total = balance.total
-    page = Page(f"Energy by cause: {title}", simulated=measured == "simulated")
+    page = Page(
+        f"Energy by cause: {title}",
+        simulated=measured == "simulated", kind="energy", subject=title.partition(",")[0],
+    )  # fmt: skip
     page.verdict(_verdict(total, years))
     page.text(
         f"The power is {_SOURCES.get(measured, measured)}. All energies are at the meter: a mechanical watt counts "

@@ -108,7 +108,7 @@ def close_loop(
         write_all(config, closed)
     result = as_json(config, closed)
     changes = changed_belief(default_folder(dataset, "loop"), result) if further else []
-    for note in [*closed.notes, *changes]:
+    for note in [*(note for note in closed.notes if json or note not in closed.warnings), *changes]:
         console.print(f"acqd: {note}")
     ways = {name: way_of(closed, name) for name in explain or ()}
     if json:
@@ -136,6 +136,8 @@ def _print(result: dict[str, Any], folder: Path) -> None:
     before, after = result["before"], result["after"]
     label = "" if result["measured"] == "mains" else f" ({result['measured']} power)"
     console.print(f"{result['verdict']}{label}: held-out RMSE {before['rmse']:.2f} -> {after['rmse']:.2f} W")
+    for warning in result["warnings"]:
+        console.print(f"mind: {warning}")
     if result["effects"]:
         table = Table("effect", "where", "parameters", "confidence", "RMSE", "alternatives")
         for effect in result["effects"]:

@@ -64,10 +64,13 @@ _COMMANDS = (
     _Command("train", _MODEL, "a model of the power", room="models.train"),
     _Command("compare", _MODEL, "models on one data set", room="models.compare"),
     _Command("predict", _MODEL, "power of a robot's log", room="models.predict"),
+    _Command("try", _EXPLAIN, "from robot to verdict", room="trial"),
     _Command("close-loop", _EXPLAIN, "the cause of a residual"),
     _Command("next", _EXPLAIN, "the motion that decides", room="next_motion"),
     _Command("fleet", _EXPLAIN, "the loop, many robots"),
     _Command("sidecar", _EXPLAIN, "logs as they arrive"),
+    _Command("guide", _EXPLAIN, "what to do next, and how"),
+    _Command("reports", _HAND_ON, "all reports on a page"),
     _Command("alarms", _HAND_ON, "by webhook and mail", group=True),
     _Command("bridge", _HAND_ON, "Home Assistant, Influx", group=True),
     _Command("opcua", _HAND_ON, "rows for OPC UA clients"),
@@ -83,7 +86,7 @@ class _OnAScreen(TyperGroup):
     def format_help(self, ctx: Any, formatter: Any) -> None:  # versions of Typer have click's classes in other modules
         """Write a block for each step of the work."""
         name = ctx.command_path
-        lines = [f"Usage: {name} COMMAND ...      {name} COMMAND --help has an example", "", _ABOUT, ""]
+        lines = [f"Usage: {name} COMMAND ...      {name} COMMAND --help has an example", _ABOUT, ""]
         for panel in dict.fromkeys(command.panel for command in _COMMANDS):
             cells = [f"{one.name:12}{one.about:24}" for one in _COMMANDS if one.panel == panel]
             titles = [panel, *[""] * len(cells)]

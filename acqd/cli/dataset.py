@@ -86,7 +86,8 @@ def build(
     console = terminal(stderr=True)
     with progress(console) as show_step:
         report = run(build_config, show_step)
-    for line in [*report.refused, *report.notes]:
+    assumed = [f"--robot was not given: the logs were read as those of {description}"]
+    for line in [*(assumed if robot is None and not append else []), *report.refused, *report.notes]:
         console.print(f"acqd: {line}")
     print(orjson.dumps(report).decode() if json else summary(report, lag, power))
 

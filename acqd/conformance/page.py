@@ -27,7 +27,8 @@ _PICTURE_POINTS = 1_200
 
 def sheet_page(sheet: Sheet) -> Page:
     """The page, not yet written."""
-    page = Page(f"Conformance sheet of acqd behind {sheet.terminal.name}", simulated=True)
+    name = sheet.terminal.name
+    page = Page(f"Conformance sheet of acqd behind {name}", simulated=True, kind="conformance", subject=name)
     page.verdict(_verdict(sheet))
     page.text(LABEL)
     page.text(
@@ -39,7 +40,9 @@ def sheet_page(sheet: Sheet) -> Page:
     for standard in dict.fromkeys(point.standard for point in sheet.points):
         page.heading(standard)
         points = [point for point in sheet.points if point.standard == standard]
-        page.bars(_bars(points), "Largest error as a share of the limit. Orange: beyond the limit.")
+        page.bars(
+            _bars(points), "Largest error as a share of the limit; a longer bar than that of the limit is beyond."
+        )
         page.table(
             ["parameter", "test signal", "quantity", "largest error", "limit", "unit", "readings", "result"],
             [

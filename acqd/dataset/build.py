@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from acqd.dataset.regressors import Regressors, regressors_of
 from acqd.dataset.report import report_writer
 from acqd.dataset.write import write_dataset
 from acqd.errors import InputError, UserError
+from acqd.report.chain import REPORT, connect
 from acqd.robot.description import RobotDescription, load_description
 from acqd.robot.log import RobotLog, in_time
 
@@ -29,7 +31,9 @@ __all__ = ["BuildConfig", "BuildReport", "build"]
 
 _MIN_VALID_S = 2.0
 _MIN_FOR_CLOCK = 4  # logs from which on a common clock is expected
+_FEW = 4  # recordings that training and the loop need
 _LONG_S = 20.0  # one log of this length is cut even if nobody asked: three pieces
+_SQLITE = "sqlite:///"
 _Progress = Callable[[str, float], None]
 
 
@@ -73,12 +77,20 @@ def build(config: BuildConfig, progress: _Progress) -> BuildReport:
         logs.notes.append("the logs' lags lie on no common clock line, so each has its own: are they of two robots?")
     title = f"Power and motion of {robot.title}: {config.out.name}"
     batch = Batch(powers, alignment, merged, logs.refused, logs.notes, logs.known)
-    return write_dataset(config, robot, batch, before, report_writer(title, config, batch, regressors))
+    report = write_dataset(config, robot, batch, before, report_writer(title, config, batch, regressors))
+    page = REPORT if report.version == 1 else f"report-{report.version}.html"
+    connect(config.out / page, [Path(config.power.removeprefix(_SQLITE)).parent / REPORT, config.out / REPORT])
+    return report
 
 
 def _cut(logs: Logs, config: BuildConfig, robot: RobotDescription, before: Existing) -> None:
     """Cuts the logs as ordered, or by default a single long one, and notes how the length was chosen."""
     length = config.cut_s
+    seconds = [float(np.ptp(in_time(log)[0])) for log in logs.kept]
+    if length is None and not before.names and 1 < len(logs.kept) < _FEW and min(seconds) >= _LONG_S:
+        logs.notes.append(
+            f"{len(logs.kept)} recordings are too few for training, test and the loop: --cut auto cuts them into pieces"
+        )
     if length is None and not before.names and len(logs.kept) == 1 and np.ptp(in_time(logs.kept[0])[0]) >= _LONG_S:
         # short pieces are harder to align than the whole
         length = AUTO if config.power == LOG or config.lag_s is not None else None

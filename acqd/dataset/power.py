@@ -13,7 +13,6 @@ import sqlalchemy as sa
 from numpy.typing import NDArray
 
 from acqd.arrays import Floats
-from acqd.dataset import power_files
 from acqd.dataset.local_clock import LocalClock
 from acqd.dataset.power_source import PowerRows
 from acqd.dataset.power_sql import read_database
@@ -26,11 +25,8 @@ Measured = Literal["mains", "bus", "derived", "simulated"]
 """Where P comes from: a meter, the controller's measurement of the robot's supply, a computation from other
 measurements (currents), or a simulation."""
 _LABELS: tuple[Measured, ...] = ("simulated", "derived")  # flags of rows that say so
-_READERS: dict[str, power_files.Reader] = {
-    ".parquet": power_files.parquet_batches,
-    **dict.fromkeys((".jsonl", ".json", ".ndjson"), power_files.json_line_batches),
-    **dict.fromkeys((".csv", ".txt"), power_files.csv_batches),
-}
+FILES = (".parquet", ".jsonl", ".json", ".ndjson", ".csv", ".txt")
+"""Files of rows; they are read by pyarrow. A database needs nothing more than acqd."""
 _ROW = np.dtype([("time", np.int64), ("P", np.float64), ("Vrms", np.float64)])
 _WINDOW_ROWS = 100_000  # of which the window's length is the median step
 
@@ -83,8 +79,10 @@ def open_power(
     if "://" in origin or path.suffix in (".sqlite", ".db", ".sqlite3"):
         blocks = read_database(origin, device, channel, between_ns, engine)
         shown_origin = shown(origin)  # reports and manifests must not hold a password
-    elif path.suffix in _READERS:
-        blocks = power_files.read_file(path, _READERS[path.suffix], device, channel)
+    elif path.suffix in FILES:
+        from acqd.dataset.power_files import read_file
+
+        blocks = read_file(path, device, channel)
     elif "@" in origin:
         raise UserError("power: the URL cannot be understood; expected postgresql://user@host/name")
     else:

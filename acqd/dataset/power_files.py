@@ -23,7 +23,7 @@ _ZONE = re.compile(r"(?:Z|[+-]\d\d:?(?:\d\d)?)$", re.IGNORECASE)
 Reader = Callable[[Path], Iterator[pa.RecordBatch]]
 
 
-def read_file(path: Path, reader: Reader, device: str | None, channel: str | None) -> Iterator[PowerRows]:
+def read_file(path: Path, device: str | None, channel: str | None) -> Iterator[PowerRows]:
     """Rows of one device and channel; columns time (or filetime) and P, and device, channel, Vrms, flags if present.
 
     Raises UserError, InputError.
@@ -31,7 +31,7 @@ def read_file(path: Path, reader: Reader, device: str | None, channel: str | Non
     if not path.is_file():
         raise InputError(path, "no such file")
     try:
-        yield from _rows(path, reader, device, channel)
+        yield from _rows(path, _READERS[path.suffix], device, channel)
     except UserError:
         raise
     except Exception as error:  # names and cells that are no text, types that a column cannot have ...
@@ -156,3 +156,10 @@ def _flag_names(cell: object) -> tuple[str, ...]:
     if isinstance(cell, str):
         return tuple(re.findall(r"\w+", cell))  # a JSON list, or words
     return tuple(cell or ())  # type: ignore[arg-type]
+
+
+_READERS: dict[str, Reader] = {
+    ".parquet": parquet_batches,
+    **dict.fromkeys((".jsonl", ".json", ".ndjson"), json_line_batches),
+    **dict.fromkeys((".csv", ".txt"), csv_batches),
+}

@@ -54,9 +54,11 @@ def report_writer(
     typical = _Typical(batch.merged[k], regressors[k], ignored, removed)
 
     def write(folder: Path) -> None:
-        page = Page(title, simulated=batch.powers[0].measured == "simulated")
+        page = Page(
+            title, simulated=batch.powers[0].measured == "simulated", kind="dataset", subject=Path(config.robot).stem
+        )
         page.verdict(_verdict(batch, typical))
-        page.lines(_chart(batch, typical), _caption(typical))
+        page.lines(_chart(batch, typical), _caption(typical), "Compare thesis Figures 6.2 and 6.4.")
         _lags_of_all(page, batch, regressors)
         _time_shift(page, batch, typical)
         _merging(page, batch, typical)
@@ -143,7 +145,7 @@ def _caption(typical: _Typical) -> str:
     assumed, lag_s = _lags(typical.merged)
     return (
         f"{typical.merged.log.path.stem}: both powers with a lag of {assumed:.0f} s (top) and of {lag_s:.4f} s "
-        "(bottom); compare thesis Figures 6.2 and 6.4."
+        "(bottom)."
     )
 
 
@@ -181,7 +183,8 @@ def _merging(page: Page, batch: Batch, typical: _Typical) -> None:
     page.heading("Merging")
     name = typical.merged.recording.name
     figure = resampling_figure(typical.merged.log, batch.powers[0], typical.merged.placement, typical.merged.recording)
-    page.figure(figure, f"{name}: above as recorded, below on the common time vector (compare thesis Figure 6.1).")
+    caption = f"{name}: above as recorded, below on the common time vector."
+    page.figure(figure, caption, source="Compare thesis Figure 6.1.")
 
 
 def _time_shift(page: Page, batch: Batch, typical: _Typical) -> None:
@@ -190,10 +193,12 @@ def _time_shift(page: Page, batch: Batch, typical: _Typical) -> None:
     page.heading("Time shift")
     page.figure(
         correlation_figure(t, mechanical, batch.powers[0], lag_s),
-        f"Cross-correlation of mechanical power (torque times speed, summed over the joints) and electrical power "
-        f"(thesis Eq. 6.4, Figure 6.3); the lag found by regression is {lag_s:.4f} s.",
+        f"Cross-correlation of mechanical power (torque times speed, summed over the joints) and electrical power; "
+        f"the lag by regression is {lag_s:.4f} s.",
+        source="Thesis Eq. 6.4, Figure 6.3.",
     )
     page.figure(
         before_and_after_figure(t, mechanical, batch.powers[0], lag_s),
-        "Before and after the shift, against each other (compare thesis Figure 6.4).",
+        "Before and after the shift, against each other.",
+        source="Compare thesis Figure 6.4.",
     )

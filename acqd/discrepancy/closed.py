@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from acqd.arrays import Floats
 from acqd.discrepancy.ability.ability import Ability
@@ -39,6 +39,8 @@ class Closed:
     stages: frozenset[Stage]
     """Stages that ran."""
     notes: list[str]
+    warnings: list[str] = field(default_factory=list)
+    """Those of the notes that make the verdict less than it seems."""
 
     @property
     def kept(self) -> list[Reported]:

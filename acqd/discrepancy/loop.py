@@ -52,6 +52,7 @@ def close_loop(config: CloseConfig, progress: Progress) -> Closed:
     after = quality(improved.errors)
     if after.rmse < floor_W:  # no model can be better than the noise: brakes and supplies act at rest, too
         floor_W, floor_source = after.rmse, "of the residual, which is smaller than what the power varies by at rest"
+    warnings = [*disagreements(selection, improved), *common_load(selection), *drifted_level(selection)]
     unexplained = selection.keeping(set())
     ability = Ability.of(unexplained.rows, unexplained.design.columns.in_question)
     return Closed(
@@ -60,7 +61,8 @@ def close_loop(config: CloseConfig, progress: Progress) -> Closed:
         reference_rmse=usual.reference_rms,
         joints=joint_level(selection.witness, subject.chosen), verdict=verdict, stages=stages_of(subject, selection),
         notes=[
-            *subject.notes, *unused_efforts(subject), *common_load(selection), *drifted_level(selection), *remarks,
-            *not_added(improved), *disagreements(selection, improved), *(scale_notes(subject) if effects else []),
+            *subject.notes, *unused_efforts(subject), *warnings, *remarks, *not_added(improved),
+            *(scale_notes(subject) if effects else []),
         ],
+        warnings=warnings,
     )  # fmt: skip

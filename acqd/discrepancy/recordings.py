@@ -181,11 +181,12 @@ def _require_enough(config: CloseConfig, data: Dataset, segments: list[Segment])
     recordings = {segment.recording for segment in long_enough}
     seconds = sum(len(segment.P) for segment in long_enough) * data.step_s
     if len(recordings) < THRESHOLDS.fewest_recordings or seconds < THRESHOLDS.shortest_total_s:
+        more = f"record at least {THRESHOLDS.fewest_recordings} recordings of a minute each"
+        if seconds >= max(THRESHOLDS.shortest_total_s, THRESHOLDS.fewest_recordings * least * data.step_s):
+            more = "they are long enough together: build the dataset again with --cut auto, which cuts them into pieces"
         raise UserError(
             f"{config.dataset}: {len(recordings)} recordings of at least {least * data.step_s:.1f} s, "
-            f"{seconds:.0f} s together, are too few to distinguish an effect from chance; "
-            f"record at least {THRESHOLDS.fewest_recordings} recordings of a minute each "
-            "(or cut one long log: dataset build --cut)"
+            f"{seconds:.0f} s together, are too few to distinguish an effect from chance; {more}"
         )
 
 

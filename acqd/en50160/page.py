@@ -20,7 +20,12 @@ _DAY_S = 86_400.0
 
 def week_page(period: Period, statistics: list[Statistic], events: list[EventClass], declared: float) -> Page:
     """The page, not yet written."""
-    page = Page(f"Supply voltage of {period.device}, EN 50160", simulated=period.simulated)
+    page = Page(
+        f"Supply voltage of {period.device}, EN 50160",
+        simulated=period.simulated,
+        kind="EN 50160",
+        subject=period.device,
+    )
     page.verdict(_verdict(period, statistics, events))
     page.text(
         f"From {period.begin:%Y-%m-%d %H:%M} to {period.end:%Y-%m-%d %H:%M} UTC. Values flagged with a dip, swell or "

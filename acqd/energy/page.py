@@ -24,7 +24,8 @@ def energy_page(bill: Statement) -> Page:
     page = Page(
         f"Energy of {', '.join(one.device for one in bill.accounts)}",
         simulated=any(one.simulated for one in bill.accounts),
-    )
+        kind="energy", subject=", ".join(one.device for one in bill.accounts),
+    )  # fmt: skip
     page.verdict(_verdict(bill))
     page.text(
         f"From {_shown(bill, bill.chosen.begin)} to {_shown(bill, bill.chosen.end)}, local time of {bill.zone.key}. "
@@ -32,7 +33,7 @@ def energy_page(bill: Statement) -> Page:
         "and never filled."
     )
     page.heading(f"By {bill.by}")
-    page.figure(_bars(bill), "Energy of the periods; grey: share of the time without rows")
+    page.figure(_bars(bill), "Energy of the periods, and the share of the time without rows")
     page.table(HEADER, [cells(bill, one) for one in bill.periods])
     for account in bill.accounts if len(bill.accounts) > 1 else []:
         page.heading(account.device)

@@ -29,8 +29,9 @@ def write_page(path: Path, designed: Designed) -> None:
     """Write the page. Raises UserError."""
     question = designed.question
     page = Page(
-        f"Next recording of {question.subject.robot.title}", simulated=question.subject.data.measured == "simulated"
-    )
+        f"Next recording of {question.subject.robot.title}",
+        simulated=question.subject.data.measured == "simulated", kind="next", subject=question.subject.robot.name,
+    )  # fmt: skip
     page.verdict(tile(designed))
     page.bars(_bars(designed), "Probability of the right name, over the causes by what they are believed.")
     page.heading("What the recording would tell")

@@ -12,6 +12,7 @@ from acqd.experiment.design import Designed, as_json
 from acqd.experiment.page import write_page
 from acqd.motion.chain import Move
 from acqd.motion.program_text import programs, timed_joints
+from acqd.report.chain import REPORT, connect
 
 _SLOWLY = 0.05
 """Share of the limits on the way to the start, which nobody has checked."""
@@ -39,6 +40,7 @@ def write_all(folder: Path, designed: Designed) -> None:
             (out / name).write_text(text, encoding="utf-8")
         (out / "next.json").write_bytes(orjson.dumps(as_json(designed), option=orjson.OPT_INDENT_2))
         write_page(out / "next.html", designed)
+    connect(folder / "next.html", [designed.question.report / REPORT])
 
 
 def _warning(designed: Designed) -> str:

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import os
+from pathlib import Path
+from urllib.parse import quote
+
 import numpy as np
 
 from acqd.fleet import words
 from acqd.fleet.settings import Fleet
 from acqd.fleet.summary import FleetReport, Row
+from acqd.report.blocks import Link
+from acqd.report.chain import REPORT
 from acqd.report.digits import counted, number
 from acqd.report.lines import Chart, Line, Panel
 from acqd.report.page import Page
@@ -17,16 +23,16 @@ _LEAST_P = 1e-12
 _HEAD = ("robot", "since (UTC)", "what", "how much", "a year", "how sure", "residual [W RMS]")
 
 
-def page_of(fleet: Fleet, report: FleetReport) -> Page:
-    """The page."""
+def page_of(fleet: Fleet, report: FleetReport, out: Path) -> Page:
+    """The page, to be written into `out`."""
     simulated = any(row["screen"] and row["screen"]["measured"] == "simulated" for row in report.robots)
-    page = Page(f"Fleet {fleet.path.stem}: {counted(len(report.robots), 'robot')}", simulated=simulated)
+    page = Page(f"Fleet {fleet.path.stem}: {counted(len(report.robots), 'robot')}", simulated=simulated, kind="fleet")
     page.verdict(_verdict(report))
-    _shared(page, report)
-    _changed(page, report)
+    _shared(page, report, out)
+    _changed(page, report, out)
     _failed(page, report)
     _statistics(page, report)
-    _everybody(page, report)
+    _everybody(page, report, out)
     page.detail("fleet", fleet.path)
     page.detail("seed", fleet.settings.seed)
     return page
@@ -58,7 +64,7 @@ def _sentence(report: FleetReport) -> str:
     return " ".join(_sentence_of(words.shared_line(k, each)) for k, each in enumerate(report.shared, start=1))
 
 
-def _shared(page: Page, report: FleetReport) -> None:
+def _shared(page: Page, report: FleetReport, out: Path) -> None:
     page.heading("Shared causes")
     for k, each in enumerate(report.shared, start=1):
         page.text(f"{_sentence_of(words.shared_line(k, each))} {_sentence_of(each['summary'])}")
@@ -66,30 +72,38 @@ def _shared(page: Page, report: FleetReport) -> None:
         if each["perhaps"]:
             page.text(f"Perhaps too, by their second explanation and their onset: {', '.join(each['perhaps'])}.")
         with page.folded(f"Onset and size of {counted(len(each['robots']), 'robot')}"):
-            page.table(_HEAD, [_cells(row) for row in report.changed if row["shared"] == k])
+            page.table(_HEAD, [_cells(row, out) for row in report.changed if row["shared"] == k])
         with page.folded(f"Excepted: {counted(len(each['excepted']), 'robot')} without the cause"):
             page.text(", ".join(each["excepted"]) or "none")
     if report.shared:
         page.text(f"Test: {report.shared[0]['test']}.")
 
 
-def _changed(page: Page, report: FleetReport) -> None:
+def _changed(page: Page, report: FleetReport, out: Path) -> None:
     page.heading("Changed for reasons of their own" if report.shared else "Robots that have changed")
     own = [row for row in report.changed if row["shared"] is None]
     if own:
-        page.table(_HEAD, [_cells(row) for row in own])
+        page.table(_HEAD, [_cells(row, out) for row in own])
     if report.changed:
-        page.text("The full report of a robot is in robots/NAME/loop/report.html in the folder of this page.")
+        page.text("The name of a robot leads to its closing report.")
     for row in report.changed:
         for note in row["notes"]:
             page.text(_sentence_of(f"{row['name']}: {note}"))
 
 
-def _cells(row: Row) -> list[object]:
+def _cells(row: Row, out: Path) -> list[object]:
     return [
-        row["name"], words.since(row), words.what(row), words.how_much(row), words.a_year(row), words.how_sure(row),
-        words.residual(row),
+        _linked(row, out), words.since(row), words.what(row), words.how_much(row), words.a_year(row),
+        words.how_sure(row), words.residual(row),
     ]  # fmt: skip
+
+
+def _linked(row: Row, out: Path) -> str | Link:
+    """The robot's name, which leads to its closing report, else to the page of its dataset."""
+    pages = [Path(row["report"])] if row["report"] else []
+    pages += [Path(row["dataset"]) / REPORT] if row["dataset"] else []
+    page = next((each for each in pages if each.exists()), None)
+    return row["name"] if page is None else Link(row["name"], quote(os.path.relpath(page.resolve(), out.resolve())))
 
 
 def _sentence_of(text: str) -> str:
@@ -124,12 +138,12 @@ def _statistics(page: Page, report: FleetReport) -> None:
     page.lines(Chart(rank.astype(float), "robots by p-value", [Panel("-log10 p", lines)], alt), alt)
 
 
-def _everybody(page: Page, report: FleetReport) -> None:
+def _everybody(page: Page, report: FleetReport, out: Path) -> None:
     page.heading("All robots")
     with page.folded(f"{counted(len(report.robots), 'robot')} with p-values and residuals"):
         rows = [
             [
-                row["name"], row["type"] or "", words.STATES[row["state"]],
+                _linked(row, out), row["type"] or "", words.STATES[row["state"]],
                 "" if row["p"] is None else words.probability(row["p"]),
                 "" if row["q"] is None else words.probability(row["q"]), words.residual(row),
                 "" if row["screen"] is None else number(row["screen"]["seconds"] / 60, 2),

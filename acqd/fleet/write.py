@@ -15,6 +15,7 @@ from acqd.fleet.page import page_of
 from acqd.fleet.prior import priors_of
 from acqd.fleet.settings import Fleet
 from acqd.fleet.summary import FleetReport
+from acqd.report.chain import REPORT, continued_in
 
 _MARK = "fleet.lock"
 
@@ -38,7 +39,10 @@ def claimed(out: Path) -> Iterator[None]:
 def write_report(out: Path, fleet: Fleet, report: FleetReport) -> None:
     """Write report.json, report.html and a prior for every type. Raises OperationError."""
     text = orjson.dumps(report.as_json(), option=orjson.OPT_INDENT_2 | orjson.OPT_SERIALIZE_NUMPY)
-    write_complete(out / "report.html", page_of(fleet, report).html().encode())
+    write_complete(out / REPORT, page_of(fleet, report, out).html().encode())
+    for row in report.robots:
+        if row["report"]:
+            continued_in(Path(row["report"]), out / REPORT)
     write_complete(out / "report.json", text)
     for name, prior in priors_of(fleet).items():
         prior.write(out / "priors" / f"{name}.json")

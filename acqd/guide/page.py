@@ -14,7 +14,9 @@ from acqd.report.verdict import KeyFigure, Verdict
 def write_page(path: Path, found: Found, steps: Sequence[Stage]) -> None:
     """Write the page. Raises UserError."""
     simulated = bool(found.datasets) and all(each.measured == "simulated" for each in found.datasets)
-    page = Page(f"From the robot to the repaired model: {found.folder.resolve().name}", simulated=simulated)
+    page = Page(
+        f"From the robot to the repaired model: {found.folder.resolve().name}", simulated=simulated, kind="guide"
+    )
     page.verdict(_verdict(steps))
     page.heading("Stages")
     page.table(["stage", "state", "what there is, or what to do"], [[s.name, s.state, s.says] for s in steps])

@@ -87,6 +87,6 @@ def build_cell(settings: LabSettings, number: int = 0) -> Cell:
     parameters = load_plant(robot, settings.plant)
     check_axes(settings.effects, robot.axes)
     arm = Arm(robot)
-    truth = true_robot(robot, parameters.parameter_spread, settings.random(number, TRUE_ROBOT))
+    truth = true_robot(robot, parameters.parameter_spread, settings.robot_random(number, TRUE_ROBOT))
     planner = Planner(arm, CollisionChecker(arm, scene), settings.motion.parameters())
     return Cell(settings, number, robot, scene, arm, Arm(truth), parameters, planner)

@@ -95,6 +95,8 @@ class LabSettings(Section):
     plant: FileName | None = None
     """Plant file; None: the one shipped for the robot."""
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 1
+    robot_seed: Annotated[int, Field(ge=0, lt=2**63)] | None = None
+    """Of the true robot's deviations from its description: which robot is measured. None: `seed`."""
     start: datetime = datetime(2021, 7, 13, 8, 0, tzinfo=UTC)
     """UTC of the start of the campaign."""
     device: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,59}$")] = "cell"
@@ -140,6 +142,10 @@ class LabSettings(Section):
     def random(self, *stream: int) -> np.random.Generator:
         """Reproducible random numbers, independent for each `stream`."""
         return np.random.default_rng([self.seed, *stream])
+
+    def robot_random(self, cell: int, stream: int) -> np.random.Generator:
+        """Reproducible random numbers of the robot itself, the same in every session that measures it."""
+        return np.random.default_rng([self.seed if self.robot_seed is None else self.robot_seed, cell, stream])
 
 
 Profile = Literal["thesis", "use-case"]

@@ -23,13 +23,22 @@ class Text:
 
 
 @dataclass(frozen=True, slots=True)
+class Link:
+    """A cell that leads to another page."""
+
+    text: str
+    href: str
+    """Relative to the page, as a URL."""
+
+
+@dataclass(frozen=True, slots=True)
 class Table:
     """Cells as text; columns of words are aligned to the left."""
 
     kind: ClassVar[str] = "table"
     label: str
     header: list[str]
-    rows: list[list[str]]
+    rows: list[list[str | Link]]
     classes: list[str]
     """Of the style sheet, per column: words (sentences), text (to the left), short (no line breaks)."""
 
@@ -95,7 +104,8 @@ class Section:
 def table_of(label: str, header: Sequence[str], rows: Sequence[Sequence[object]]) -> Table:
     """A table of any cells; floats are shown to four significant digits at most."""
     texts = [[_cell(cell) for cell in row] for row in rows]
-    columns = [[row[column] for row in rows] for column in range(len(header))]
+    plain = [[cell.text if isinstance(cell, Link) else cell for cell in row] for row in rows]
+    columns = [[row[column] for row in plain] for column in range(len(header))]
     return Table(label, list(header), texts, ["", *map(_classes, columns[1:])])
 
 
@@ -116,5 +126,7 @@ def _is_prose(cell: object) -> bool:
     return text.count(" ") >= 2 and sum(character.isdigit() for character in text) < len(text) / 4
 
 
-def _cell(value: object) -> str:
+def _cell(value: object) -> str | Link:
+    if isinstance(value, Link):
+        return value
     return number(value, 3) if isinstance(value, float) else str(value)

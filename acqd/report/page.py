@@ -12,8 +12,10 @@ from typing import TYPE_CHECKING, Any
 from acqd.errors import UserError
 from acqd.report.bars import Bars
 from acqd.report.blocks import Block, Chapter, Folded, Lines, Picture, Ranking, Section, Text, table_of
+from acqd.report.chain import EMPTY
 from acqd.report.drawing import inline_svg
 from acqd.report.footer import provenance
+from acqd.report.head import Head
 from acqd.report.lines import Chart
 from acqd.report.verdict import Verdict
 
@@ -26,16 +28,18 @@ _ASSETS = Path(__file__).with_name("assets")
 class Page:
     """A report under construction. All texts are HTML-escaped."""
 
-    def __init__(self, title: str, *, simulated: bool) -> None:
-        """`simulated` puts a conspicuous label on top."""
+    def __init__(self, title: str, *, simulated: bool, kind: str = "page", subject: str = "") -> None:
+        """`simulated` puts a conspicuous label on top; `kind` and `subject`: what the page is, of which robot."""
         self._title = title
         self._simulated = simulated
+        self._kind, self._subject = kind, subject
         self._verdict: Verdict | None = None
         self._opening: list[Block] = []
         self._sections: list[Section] = []
         self._details: dict[str, str] = {}
         self._blocks = self._opening
         self._pictures = self._tables = 0
+        self._footnotes: list[str] = []
 
     def verdict(self, verdict: Verdict) -> None:
         """Set the tile on top."""
@@ -61,16 +65,20 @@ class Page:
         label = f"Table {self._tables}: {', '.join(name for name in header if name)}"
         self._blocks.append(table_of(label, header, rows))
 
-    def lines(self, chart: Chart, caption: str) -> None:
-        """Add a chart that shows the values below the pointer."""
-        self._blocks.append(Lines(chart.thinned(), caption))
+    def lines(self, chart: Chart, caption: str, source: str = "") -> None:
+        """Add a chart that shows the values below the pointer; `source` becomes a footnote."""
+        self._blocks.append(Lines(chart.thinned(), self._noted(caption, source)))
 
     def bars(self, bars: Bars, caption: str) -> None:
         """Add a ranking."""
         self._blocks.append(Ranking(bars, caption))
 
-    def figure(self, figure: Figure, caption: str, png: Path | None = None, alt: str = "") -> None:
-        """Add a matplotlib figure, with an alternative text (default: its caption); with `png`, also save it there."""
+    def figure(self, figure: Figure, caption: str, png: Path | None = None, alt: str = "", source: str = "") -> None:
+        """Add a matplotlib figure, with an alternative text (default: its caption); with `png`, also save it there.
+
+        `source`, such as a figure of a publication, becomes a footnote.
+        """
+        caption = self._noted(caption, source)
         if png is not None:
             figure.savefig(png, format="png", dpi=130, bbox_inches="tight")
         self._pictures += 1
@@ -79,6 +87,12 @@ class Page:
                 inline_svg(figure, alt or caption, f"f{self._pictures}"), f"Figure {self._pictures}: {caption}", caption
             )
         )
+
+    def _noted(self, caption: str, source: str) -> str:
+        if not source:
+            return caption
+        self._footnotes.append(source)
+        return f"{caption} [{len(self._footnotes)}]"
 
     @contextmanager
     def folded(self, title: str) -> Iterator[None]:
@@ -112,11 +126,17 @@ class Page:
 
     def html(self) -> str:
         """The page."""
+        origin = provenance(self._details)
+        head = Head(
+            self._title, self._kind, self._subject, origin["written"], origin["by"], self._simulated,
+            self._verdict or Verdict("fine", ""),
+        )  # fmt: skip
         return str(
             _template().render(
                 title=self._title, simulated=self._simulated, verdict=self._verdict, opening=self._opening,
-                sections=[section for section in self._sections if section.blocks],
-                provenance=provenance(self._details), style=_asset("style.css"), script=_asset("script.js"),
+                sections=[section for section in self._sections if section.blocks], head=head.as_script(), pages=EMPTY,
+                footnotes=self._footnotes,
+                provenance=origin, style=_asset("style.css"), script=_asset("script.js"),
             )
         )  # fmt: skip
 

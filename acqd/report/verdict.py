@@ -29,3 +29,5 @@ class Verdict:
     figures: list[KeyFigure] = field(default_factory=list)
     steps: list[str] = field(default_factory=list)
     """What to do next."""
+    warnings: list[str] = field(default_factory=list)
+    """What makes the verdict less than it seems."""

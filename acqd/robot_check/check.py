@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict, dataclass
 from typing import Any
 
 from acqd.robot.description import RobotDescription
 from acqd.robot.plausibility import Finding, implausible
 from acqd.robot_check.sensitivity import Influence, Sensitivity, sensitivity
+
+_MATTERS = 0.1
+"""Share of the power's standard deviation, 1: guesses that change the power by less need no look."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +40,27 @@ class Check:
         """Influences of guessed values, largest first."""
         return [each for each in self.power.influences if each.guessed]
 
+    @property
+    def guessed_change(self) -> float:
+        """RMS change of the power by all guesses together, if they are wrong independently of each other, W."""
+        return math.hypot(*(each.change_W for each in self.guessed_influences))
+
+    @property
+    def guesses_matter(self) -> bool:
+        """Whether the guesses decide a part of the power that is worth a look."""
+        return self.guessed_change > _MATTERS * self.power.deviation_W
+
+    @property
+    def doubt(self) -> str:
+        """What hangs on the guesses, in words; empty if that is little."""
+        if not self.guesses_matter:
+            return ""
+        count = len(self.guessed_influences)
+        return (
+            f"{count} guessed values change the power by {self.guessed_change:.0f} W RMS together, of "
+            f"{self.power.deviation_W:.0f} W: until a model is trained with metered power, a prediction is a guess, too"
+        )
+
     def as_json(self) -> dict[str, Any]:
         """The result as plain data."""
         return {
@@ -46,6 +71,8 @@ class Check:
             "guessed": self.guesses,
             "findings": [asdict(finding) for finding in self.findings],
             "power": {key: getattr(self.power, key) for key in ("mean_W", "deviation_W", "peak_W")},
+            "guessed_W": self.guessed_change,
+            "doubt": self.doubt,
             "influences": [asdict(each) for each in self.power.influences],
         }
 

@@ -19,12 +19,12 @@ _SHOWN = 12
 def check_page(check: Check) -> Page:
     """The page, not yet written."""
     robot = check.robot
-    page = Page(f"Robot description {robot.name}: {robot.title}", simulated=False)
+    page = Page(f"Robot description {robot.name}: {robot.title}", simulated=False, kind="robot", subject=robot.name)
     page.verdict(_verdict(check))
     page.figure(
         arm_picture(robot),
-        "Orange: frames of base, joints and flange; black: joint axes (dashed: prismatic), each with its number; "
-        "blue: centres of mass, area by mass; grey: collision capsules.",
+        "Every joint axis has its number and is dashed if the joint is prismatic; the area of a centre of mass is by "
+        "its mass.",
         alt="The arm in two postures: frames, joint axes, centres of mass and collision capsules",
     )
     page.heading("Findings")
@@ -46,7 +46,7 @@ def check_page(check: Check) -> Page:
     )
     page.bars(
         _ranking(power.influences[:_SHOWN]),
-        f"Orange: guessed, times {GUESSED_FACTOR:g}; grey: known, times {KNOWN_FACTOR:g}.",
+        f"A guessed value times {GUESSED_FACTOR:g}, another times {KNOWN_FACTOR:g}.",
     )
     with page.folded(f"All {len(power.influences)} values"):
         page.table(
@@ -83,7 +83,7 @@ def check_page(check: Check) -> Page:
 def _ranking(influences: Sequence[Influence]) -> Bars:
     rows = [
         Bar(
-            f"{each.joint} {each.key}",
+            f"{each.joint} {each.key}{' (guessed)' if each.guessed else ''}",
             each.change_W,
             f"{number(each.change_W)} W",
             "before" if each.guessed else "muted",
@@ -108,6 +108,9 @@ def _verdict(check: Check) -> Verdict:
         steps = (
             [] if first is None else [f"Look up or measure {first.joint} {first.key}: it is guessed, and matters most"]
         )
+        if check.doubt:
+            sentence = f"No value is out of its range, but {check.doubt}."
+            return Verdict("open", "Plausible, and guessed where it matters", sentence, figures, steps)
         return Verdict("fine", "The description is plausible", "No value is out of its range.", figures, steps)
     headline = f"{counted(len(check.findings), 'finding')} to look at"
     return Verdict("open", headline, "", figures, [each.advice for each in check.findings][:3])

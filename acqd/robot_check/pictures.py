@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from acqd.arrays import Floats
 from acqd.robot.arm import Arm
@@ -33,7 +34,13 @@ def arm_picture(robot: RobotDescription) -> Figure:
         axes: Any = figure.add_subplot(1, 2, number + 1, projection="3d")
         _draw(axes, arm, q)
         axes.set_title(title, fontsize=12)
-    figure.tight_layout()
+    handles = [
+        Line2D([], [], color=_ARM, lw=2, marker="o", ms=4), Line2D([], [], color="black", lw=1),
+        Line2D([], [], color=_MASS, lw=0, marker="o", alpha=0.7), Line2D([], [], color=_CAPSULE, lw=6, alpha=0.3),
+    ]  # fmt: skip
+    names = ["frames of base, joints and flange", "joint axes", "centres of mass", "collision capsules"]
+    figure.legend(handles, names, loc="lower center", ncols=4, frameon=False, fontsize=10)
+    figure.tight_layout(rect=(0, 0.06, 1, 1))
     return figure
 
 

@@ -22,14 +22,14 @@ _USUAL, _OUTLIER = "#1d6fa5", "#b45309"
 
 def cycles_page(title: str, energy: CycleEnergy, *, simulated: bool) -> Page:
     """The page of cycles, not yet written."""
-    page = Page(f"Energy of cycles: {title}", simulated=simulated)
+    page = Page(f"Energy of cycles: {title}", simulated=simulated, kind="energy", subject=title.partition(",")[0])
     page.verdict(_cycles_verdict(energy))
     page.text(
         "Cycles are found in the joint angles alone: the same path, again and again, from the moment at which the arm "
         "leaves its longest rest. Together with what lies between them they are all the measured energy."
     )
     if energy.cycles:
-        page.figure(_course(energy.cycles), "Energy of every cycle in its order; orange: outliers.")
+        page.figure(_course(energy.cycles), "Energy of every cycle in its order; crosses: outliers.")
         page.heading("Cycles")
         page.table(KIND_HEADER, [kind_cells(kind, cycles) for kind, cycles in kinds(energy).items()])
     page.heading("Outside of cycles")
@@ -58,7 +58,7 @@ def cycles_page(title: str, energy: CycleEnergy, *, simulated: bool) -> Page:
 
 def labels_page(title: str, by: str, values: Sequence[Labelled], *, simulated: bool) -> Page:
     """The page of a label, not yet written."""
-    page = Page(f"Energy by {by}: {title}", simulated=simulated)
+    page = Page(f"Energy by {by}: {title}", simulated=simulated, kind="energy", subject=title.partition(",")[0])
     whole = sum(each.kWh for each in values)
     most = max(values, key=lambda each: each.kWh)
     seconds = sum(each.seconds for each in values)
@@ -98,7 +98,7 @@ def _course(cycles: Sequence[Cycle]) -> Figure:
     odd = np.array([bool(each.outlier) for each in cycles])
     number = np.arange(1, len(kwh) + 1)
     axes.plot(number[~odd], kwh[~odd], ".", ms=4, color=_USUAL)
-    axes.plot(number[odd], kwh[odd], "o", ms=4, color=_OUTLIER)
+    axes.plot(number[odd], kwh[odd], "x", ms=6, mew=2, color=_OUTLIER)
     axes.set_xlabel("cycle")
     axes.set_ylabel("energy [Wh]")
     axes.set_ylim(bottom=min(0.0, 1.1 * float(kwh.min())), top=1.1 * float(kwh.max()))

@@ -1,5 +1,8 @@
 """Rows, logs and datasets, and their way through Arrow and pandas."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet
@@ -143,3 +146,26 @@ def test_axes_in_another_order_are_refused_in_tables_and_by_the_estimator(folder
         acqd.Dataset.from_pandas(turned, "copy", robot="ur10e", measured="simulated")
     with pytest.raises(acqd.UserError, match=remedy):
         PowerRegressor(robot="ur10e").fit(turned[angles], turned["P"], groups=turned["recording"])
+
+
+def test_rows_of_a_database_need_no_pyarrow(tmp_path):
+    """In a process of its own: this one has imported everything."""
+    rows = "INSERT INTO power VALUES ('a', 'L1', 'b', ?, '2026-01-01T00:00:00Z', ?, 230, 1, ?, 0, 1, 50, 0, '[]', 1)"
+    code = f"""
+import sqlite3, sys
+for name in ("pyarrow", "scipy", "matplotlib", "jinja2"):
+    sys.modules[name] = None
+import acqd
+from acqd.storage.database import open_database
+file = {str(tmp_path / "rows.sqlite")!r}
+open_database(file).dispose()
+with sqlite3.connect(file) as database:
+    database.executemany({rows!r}, [(k, 133480224000000000 + 400000 * k, 100 + k) for k in range(5)])
+print(len(acqd.read_rows(file)))
+try:
+    acqd.read_rows("power.csv")
+except acqd.UserError as error:
+    print(error)
+"""
+    done = subprocess.run([sys.executable, "-P", "-c", code], capture_output=True, text=True, check=False)
+    assert done.stdout.splitlines() == ["5", "read_rows of a file needs pyarrow: pip install 'acqd[rows]'"], done.stderr

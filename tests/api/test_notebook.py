@@ -52,6 +52,14 @@ def test_a_data_set_shows_its_recordings(folder):
     assert "ds: ur10e, 9 recordings, simulated" in shown and "<td>train</td>" in shown
 
 
+def test_rows_models_and_robots_show_what_they_are(folder):
+    rows = acqd.read_rows("power.csv")._repr_html_()
+    assert " rows, simulated</caption>" in rows and "mean P [W]" in rows
+    assert "model: grey_box of ur10e, 6 axes" in (shown := acqd.open_model("model")._repr_html_())
+    assert "<td>test</td>" in shown
+    assert "shoulder_pan</td><td>-360 to 360 deg" in acqd.Robot("ur10e")._repr_html_()
+
+
 def test_a_result_shows_verdict_sizes_and_rivals(closed):
     report = json.loads((closed[0] / "now/ds.loop/report.json").read_bytes())
     result = acqd.LoopResult(closed[0] / "now/ds.loop", report)

@@ -34,6 +34,7 @@ def test_power_from_the_log_growing_and_exit_codes(tmp_path):
     assert done.returncode == 0, done.stderr
     assert "(bus): 3 recordings" in done.stdout and "no alignment needed" in done.stdout
     assert "1 logs refused" in done.stdout and "bad.csv: has no rows of numbers" in done.stderr
+    assert "the logs were read as those of" not in done.stderr  # --robot was given
     write_logs(logs, 2, first=4)
     grown = acqd_here(*build, "--append", "--json")  # robot and step are those of the dataset
     report = json.loads(grown.stdout)

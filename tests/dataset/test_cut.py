@@ -67,4 +67,6 @@ def test_a_single_long_log_is_cut_unless_told_otherwise_and_several_are_not(tmp_
     assert dataset(tmp_path / "b", 40, cut_s=0).recordings == 1
     assert dataset(tmp_path / "c", 15).recordings == 1
     write_log(tmp_path / "d" / "logs" / "other.csv", *motion(40, 3, 500.0))
-    assert dataset(tmp_path / "d", 40).recordings == 2
+    several = dataset(tmp_path / "d", 40)
+    assert several.recordings == 2 and any("--cut auto cuts them into pieces" in note for note in several.notes)
+    assert not any("--cut auto" in note for note in dataset(tmp_path / "e", 15).notes)

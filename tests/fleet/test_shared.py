@@ -8,6 +8,7 @@ from acqd.fleet import words
 from acqd.fleet.page import page_of
 from acqd.fleet.size import main_parameter
 from acqd.fleet.summary import judged, report_of
+from acqd.report import Page
 from tests.browser import chromium, looks, serious_findings
 from tests.fleet.findings import START_S, cause, hall, screened
 
@@ -65,7 +66,14 @@ def test_the_largest_power_of_a_peak_stands_for_its_size():
 
 def test_the_page_says_what_the_table_says_and_needs_no_other_file(tmp_path):
     fleet, report = hall(tmp_path)
-    text = page_of(fleet, report).html()
+    closed = tmp_path / "robots" / "cell-004" / "loop" / "report.html"
+    closed.parent.mkdir(parents=True)
+    Page("Error of the model", simulated=True, kind="closing report").write(closed)
+    for row in report.robots:
+        row["report"] = row["report"] and row["report"].replace("/f/", f"{tmp_path}/")
+    text = page_of(fleet, report, tmp_path).html()
+    assert text.count('<a href="robots/cell-004/loop/report.html">cell-004</a>') == 2  # among the changed, among all
+    assert "robots/cell-005/loop" not in text  # whose report is not there
     for said in (
         "11 robots changed, 9 of them for 1 shared cause",
         "cell-005/power.sqlite",
@@ -79,7 +87,7 @@ def test_the_page_says_what_the_table_says_and_needs_no_other_file(tmp_path):
 @pytest.mark.browser
 def test_the_page_has_no_serious_finding_in_light_dark_and_on_a_phone(tmp_path):
     fleet, report = hall(tmp_path)
-    page_of(fleet, report).write(tmp_path / "fleet.html")
+    page_of(fleet, report, tmp_path).write(tmp_path / "fleet.html")
     with chromium() as browser:
         for view in looks(browser):
             view.goto((tmp_path / "fleet.html").as_uri())

@@ -21,3 +21,12 @@ def test_a_prismatic_joint_is_refused_by_name(tmp_path):
 def test_a_robot_without_a_plant_is_refused_by_name():
     with pytest.raises(UserError, match="robot fr3 has no plant file"):
         build_cell(LabSettings(robot="fr3"))
+
+
+def test_another_session_measures_the_same_robot_only_with_the_seed_of_the_robot():
+    first, other, same = (
+        build_cell(LabSettings(seed=seed, robot_seed=robot_seed)) for seed, robot_seed in ((1, None), (2, None), (2, 1))
+    )
+    masses = [[joint.link.mass for joint in cell.true_arm.description.joint] for cell in (first, other, same)]
+    assert masses[0] == masses[2] != masses[1]
+    assert first.random(3).random() != same.random(3).random()  # other motions, another noise

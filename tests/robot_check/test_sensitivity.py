@@ -43,3 +43,14 @@ def test_undescribed_friction_counts_as_guessed():
     assert checked.guesses == {"rail": ["friction (not described)"]}
     assert {each.key for each in checked.guessed_influences} == {"friction.coulomb_N", "friction.viscous_Ns_m"}
     assert checked.as_json()["power"]["mean_W"] > 0
+
+
+def test_guesses_that_decide_the_power_are_a_doubt():
+    friction = {"coulomb_N": 40, "viscous_Ns_m": 100}
+    drive = SLIDE | {"resistance_Ohm": 1e-6}
+    guessed, known = (
+        check_description(robot(slide("rail", [1, 0, 0], link(30), friction=friction, drive=drive, guessed=keys)))
+        for keys in (["friction.viscous_Ns_m", "friction.coulomb_N"], [])
+    )
+    assert guessed.guesses_matter and f"{len(guessed.guessed_influences)} guessed values" in guessed.doubt
+    assert not known.guesses_matter and known.doubt == "" and known.as_json()["guessed_W"] == 0

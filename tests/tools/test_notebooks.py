@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.places import ROOT
+from tools.studies.tutorial import TRUTH
 
 NOTEBOOKS = sorted((ROOT / "docs" / "notebooks").glob("*.ipynb"))
 PAGE = ROOT / "docs" / "first-ten-minutes.md"
@@ -59,4 +60,9 @@ def test_the_first_ten_minutes_run(tmp_path):
         assert done.returncode == 0, f"{command}: {done.stderr[-2000:]}"
     report = json.loads((tmp_path / "loop" / "report.json").read_text())
     assert report["verdict"] == "effects_found" and report["effects"][0]["id"] == "payload"
+    parameters = report["effects"][0]["parameters"]
+    for name, truth in TRUTH.items():
+        low, high = parameters[name]["ci95"]
+        assert low <= truth <= high, (name, parameters[name])
+    assert f"payload:mass_kg={TRUTH['mass']}" in PAGE.read_text()
     assert (tmp_path / "power.fmu").exists()

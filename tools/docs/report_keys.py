@@ -30,7 +30,7 @@ KEYS: dict[str, tuple[str, str]] = {
     "effects[].added": ("boolean", "whether it is part of the repaired model, or reported only"),
     "causes": (
         "`{set, holds, text, probabilities, calibrated_on, scores}` or null",
-        "conformal set of labels: in the share `holds` of cases like those of its calibration, the largest cause is a member",
+        "conformal set of labels; holds the largest cause in the share `holds` of cases like those of its calibration",
     ),
     "correction": ("object or null", "law without a name in the repaired model; its keys below"),
     "correction.follows": ("text", "what the error follows, in words"),
@@ -53,6 +53,7 @@ KEYS: dict[str, tuple[str, str]] = {
     ),
     "next": ("list of text", "what to do, most useful first"),
     "notes": ("list of text", "remarks on recordings and model"),
+    "warnings": ("list of text", "those of the notes that make the verdict less than it seems"),
     "model": ("`{name, bundle}`", "the model that was asked about"),
     "dataset": ("text", "folder of the recordings in question"),
     "asked": ("object", "what the run was asked for: `acqd next` opens the same recordings and model again"),

@@ -70,12 +70,14 @@ def causes(
         write_complete(csv, as_csv(balance).encode())
     if html is not None:
         from acqd.balance.page import balance_page
+        from acqd.report.chain import REPORT, connect
 
         page = balance_page(f"{bundle.metadata['robot']}, {dataset.name}", balance, rows, years, data.measured)
         page.detail("model", model)
         page.detail("dataset", dataset)
         page.detail("dataset SHA-256", data.digest)
         page.write(html)
+        connect(html, [dataset / REPORT, model.parent / REPORT])
     if json:
         about = {"model": str(model), "dataset": str(dataset), "measured": data.measured}
         files = {"csv": csv and str(csv), "html": html and str(html)}

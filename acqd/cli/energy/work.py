@@ -62,6 +62,7 @@ def work(
     if csv is not None:
         write_complete(csv, text.encode())
     if html is not None:
+        from acqd.report.chain import REPORT, connect
         from acqd.work.page import cycles_page, labels_page
 
         page = (
@@ -72,6 +73,7 @@ def work(
         page.detail("dataset", dataset)
         page.detail("dataset SHA-256", data.digest)
         page.write(html)
+        connect(html, [dataset / REPORT])
     if json:
         files = {"csv": csv and str(csv), "html": html and str(html)}
         print(orjson.dumps({"dataset": str(dataset), "measured": data.measured} | told | files).decode())

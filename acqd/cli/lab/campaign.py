@@ -9,11 +9,11 @@ from typing import Annotated
 
 import orjson
 import typer
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
-from acqd.cli.lab.options import Effects, LabFile, Robot, Scene, Seed, Undeclared, settings_from
+from acqd.cli.lab.options import Effects, LabFile, Robot, RobotSeed, Scene, Seed, Undeclared, settings_from
 from acqd.cli.options import Json
+from acqd.cli.progress import progress
 from acqd.cli.terminal import terminal
 from acqd.errors import UserError
 
@@ -45,6 +45,7 @@ def campaign(
     robot: Robot = None,
     scene: Scene = None,
     seed: Seed = None,
+    robot_seed: RobotSeed = None,
     effect: Effects = None,
     undeclared: Undeclared = None,
     settings: LabFile = None,
@@ -79,6 +80,7 @@ def campaign(
         "robot": robot,
         "scene": scene,
         "seed": seed,
+        "robot_seed": robot_seed,
     }
     config = CampaignConfig(
         settings_from(CampaignSettings, settings, given, specs),
@@ -90,10 +92,8 @@ def campaign(
         ray_address,
     )
     console = terminal(stderr=True)
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
-        bar = progress.add_task("preparing", total=1.0)
-        report = run_campaign(config, lambda step, share: progress.update(bar, description=step, completed=share))
+    with progress(console) as show_step:
+        report = run_campaign(config, show_step)
     if json:
         print(orjson.dumps(report).decode())
     else:

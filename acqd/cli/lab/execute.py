@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import orjson
 import typer
 
-from acqd.cli.lab.options import Effects, LabFile, Robot, Scene, Seed, settings_from
+from acqd.cli.lab.options import Effects, LabFile, Robot, RobotSeed, Scene, Seed, settings_from
 from acqd.cli.options import Json
 from acqd.cli.terminal import terminal
 from acqd.errors import UserError
@@ -26,6 +26,7 @@ def execute(
     robot: Robot = None,
     scene: Scene = None,
     seed: Seed = None,
+    robot_seed: RobotSeed = None,
     effect: Effects = None,
     settings: LabFile = None,
     config: Annotated[
@@ -48,7 +49,7 @@ def execute(
     if live == (out is not None):
         raise UserError("give either --out FOLDER (full speed, to files) or --live (real time, over MQTT)")
     specs = [parse_effect(text) for text in effect or []]
-    given = {"robot": robot, "scene": scene, "seed": seed}
+    given = {"robot": robot, "scene": scene, "seed": seed, "robot_seed": robot_seed}
     chosen = settings_from(LabSettings, settings, given, specs)
     if out is not None:
         report = lab.execute(chosen, file, out, waveform=waveform)

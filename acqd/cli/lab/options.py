@@ -14,6 +14,10 @@ from acqd.robot.description import complaint, read_toml_table
 Robot = Annotated[str | None, typer.Option(help="Shipped robot (default iiwa7_r800), or path of a description.")]
 Scene = Annotated[str | None, typer.Option(help="Shipped scene (digital_factory, free), or path of a scene.")]
 Seed = Annotated[int | None, typer.Option(min=0, help="Random seed; the same seed gives the same results (default 1).")]
+RobotSeed = Annotated[
+    int | None,
+    typer.Option(min=0, help="Seed of the true robot: the same robot in another session (default: --seed)."),
+]
 LabFile = Annotated[Path | None, typer.Option("--settings", help="Settings file; see config/lab.toml.")]
 Effects = Annotated[
     list[str] | None,

@@ -9,10 +9,10 @@ from typing import Annotated
 
 import orjson
 import typer
-from rich.progress import Progress
 
 from acqd.cli.lab.options import LabFile, Robot, Scene, Seed, settings_from
 from acqd.cli.options import Json
+from acqd.cli.progress import progress
 from acqd.cli.terminal import terminal
 from acqd.errors import UserError
 
@@ -63,14 +63,13 @@ def trajectories(
     except OSError as error:
         raise UserError(f"{out}: cannot be made ({error.strerror}); choose another --out") from None
     console = terminal(stderr=True)
-    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
-        bar = progress.add_task("drawing", total=1.0)
+    with progress(console) as show_step:
         drawn = draw(
             cell,
             limited=limited if space is not Space.ALL else 0,
             all_space=all_space if space is not Space.LIMITED else 0,
             thesis=thesis,
-            progress=lambda share: progress.update(bar, completed=share),
+            progress=lambda share: show_step("drawing", share),
         )
         try:
             write(drawn, cell, out)

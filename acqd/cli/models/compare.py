@@ -7,10 +7,10 @@ from typing import Annotated
 
 import orjson
 import typer
-from rich.progress import Progress
 from rich.table import Table
 
 from acqd.cli.options import Json
+from acqd.cli.progress import progress
 from acqd.cli.terminal import terminal
 from acqd.dataset.places import default_models
 from acqd.extras import require
@@ -30,16 +30,15 @@ def compare(
     from acqd.models.compare.evaluate import compare as run
     from acqd.models.compare.report import as_json, write_report
     from acqd.models.segments import load_dataset
+    from acqd.report.chain import REPORT, connect
 
     folder = models or default_models(dataset)
     console = terminal(stderr=True)
-    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task("predicting", total=1.0)
-        comparison = run(
-            load_dataset(dataset), folder, lambda what, share: bar.update(task, description=what, completed=share)
-        )
+    with progress(console) as show_step:
+        comparison = run(load_dataset(dataset), folder, show_step)
     path = out or folder / "report.html"
     write_report(comparison, path)
+    connect(path, [dataset / REPORT])
     for note in comparison.notes:
         console.print(f"acqd: {note}")
     if json:

@@ -9,10 +9,10 @@ from typing import Annotated, Any
 
 import orjson
 import typer
-from rich.progress import BarColumn, Progress, TextColumn
 from rich.table import Table
 
 from acqd.cli.options import Json
+from acqd.cli.progress import Show, progress
 from acqd.cli.terminal import terminal
 from acqd.dataset.places import default_models
 from acqd.errors import UserError
@@ -125,17 +125,9 @@ def train(
         config = TrainConfig(dataset, network or "", path, kinds, number, settings, robot, withheld, learned)
         configs += table_7_1_configs(config, folder) if table_7_1 else [config]
     console = terminal(stderr=True)
-    bar = Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("{task.fields[left]}"),
-        console=console,
-        transient=True,
-        disable=not console.is_terminal,
-    )
-    with bar:
+    with progress(console) as show_step:
         alone = len(configs) == 1 and engine is Engine.PROCESS
-        results = _one(configs[0], bar) if alone else _several(configs, bar, jobs, engine, ray_address)
+        results = _one(configs[0], show_step) if alone else _several(configs, show_step, jobs, engine, ray_address)
     if json:
         print(orjson.dumps([{"bundle": str(config.out)} | _short(metadata) for config, metadata in results]).decode())
         return
@@ -186,32 +178,33 @@ def _short(metadata: dict[str, Any]) -> dict[str, Any]:
     return {key: metadata[key] for key in ("name", "metrics", "training")}
 
 
-def _one(config: Any, bar: Progress) -> list[tuple[Any, dict[str, Any]]]:
+def _one(config: Any, show: Show) -> list[tuple[Any, dict[str, Any]]]:
     from acqd.models.training import train_one
 
-    task = bar.add_task(config.network, total=1.0, left="")
-
     def report(activity: str, share: float, left_s: float) -> None:
-        left = f"{left_s:.0f} s left" if left_s == left_s else ""
-        bar.update(task, description=f"{config.network}: {activity}", completed=share, left=left)
+        left = f", {left_s:.0f} s left" if left_s == left_s else ""
+        show(f"{config.network}: {activity}{left}", share)
 
     return [(config, train_one(config, report))]
 
 
 def _several(
-    configs: list[Any], bar: Progress, jobs: int | None, engine: Engine, address: str | None
+    configs: list[Any], show: Show, jobs: int | None, engine: Engine, address: str | None
 ) -> list[tuple[Any, dict[str, Any]]]:
     from acqd.models.protocol import train_unless_done
     from acqd.workers import run_here, run_on_ray
 
-    task = bar.add_task("training", total=len(configs), left=f"0 of {len(configs)}")
+    trained: dict[str, dict[str, Any]] = {}
+
+    def tick() -> None:
+        show(f"training: {len(trained)} of {len(configs)}", len(trained) / len(configs))
+
     os.environ.setdefault("OMP_NUM_THREADS", "1")  # networks are small: one thread per worker
     if engine is Engine.RAY:
-        done = run_on_ray(train_unless_done, configs, address, bar.refresh)
+        done = run_on_ray(train_unless_done, configs, address, tick)
     else:
-        done = run_here(train_unless_done, configs, jobs or os.cpu_count() or 1, bar.refresh)
-    trained: dict[str, dict[str, Any]] = {}
-    for number, (path, metadata) in enumerate(done, start=1):
+        done = run_here(train_unless_done, configs, jobs or os.cpu_count() or 1, tick)
+    for path, metadata in done:
         trained[path] = metadata
-        bar.update(task, completed=number, left=f"{number} of {len(configs)}")
+        tick()
     return [(config, trained[str(config.out)]) for config in configs]

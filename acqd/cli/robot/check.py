@@ -63,6 +63,8 @@ def _print(checked: Check, out: Path | None) -> None:
         console.print(f"[{_COLOUR[each.state]}]{each.state}[/] {text}")
     if not checked.findings:
         console.print("nothing implausible")
+    if checked.doubt:
+        console.print(f"[yellow]guessed[/] {escape(checked.doubt)}")
     for name, keys in checked.guesses.items():
         console.print(f"guessed of {name}: {', '.join(keys) or 'nothing'}", markup=False)
     power = checked.power

@@ -21,7 +21,7 @@ def believed(closed: Closed) -> Belief | None:
 
 def sentence(belief: Belief) -> str:
     """The set, the likeliest first."""
-    members = [f"{_name(label)} ({percent(belief.probabilities[label])})" for label in belief.members]
+    members = [f"{name_of(label)} ({percent(belief.probabilities[label])})" for label in belief.members]
     if len(members) == 1:
         return f"the largest cause, right in {percent(1 - MISSED)} of such cases: {members[0]}"
     more = len(members) - _SHOWN
@@ -44,5 +44,6 @@ def as_json(closed: Closed) -> dict[str, Any] | None:
     }
 
 
-def _name(label: str) -> str:
+def name_of(label: str) -> str:
+    """A label in words."""
     return {OUTSIDE: "something outside the library", NOTHING: "nothing"}.get(label, label)

@@ -1,4 +1,4 @@
-"""Charts of the closing report that follow the pointer: power before and after, autocorrelation, ranking."""
+"""Charts of the closing report: power before and after, autocorrelation, how likely the causes are."""
 
 from __future__ import annotations
 
@@ -6,14 +6,16 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.discrepancy.closed import Closed
-from acqd.discrepancy.selection.ranking import Finding
+from acqd.discrepancy.repair.terms import Reported
+from acqd.models.effects import library
 from acqd.report.bars import Bar, Bars, ranked
 from acqd.report.digits import percent
 from acqd.report.lines import Chart, Colour, Line, Panel
 from acqd.residual.whitening import autocorrelation
 
 _SHOWN_S = 60.0
-_SHOWN_BARS = 12
+LEAST_CONFIDENCE = 0.005
+"""Alternatives with less are not drawn."""
 _LAGS = 50
 
 
@@ -57,26 +59,16 @@ def correlation(closed: Closed) -> Chart:
     if closed.extended:
         lines.append(Line("model after", autocorrelation(closed.errors_after, _LAGS), "after"))
     alt = f"Autocorrelation of the residual at lags up to {t[-1]:.0f} s"
-    return Chart(t, "lag [s]", [Panel("autocorrelation [1]", lines, 170, zero=True)], alt)
+    return Chart(t, "lag [s]", [Panel("autocorrelation", lines, 170, zero=True)], alt)
 
 
-def ranking(findings: list[Finding], chosen: str | None) -> Bars:
-    """Evidence of every effect and unnamed alternative, relative to the largest."""
-    best: dict[str, Finding] = {}
-    for finding in findings:
-        best.setdefault(finding.candidate.id or f"unnamed: {finding.candidate.label}", finding)
-    shown = sorted(((n, f) for n, f in best.items() if f.evidence > 0), key=lambda each: -each[1].evidence)[
-        :_SHOWN_BARS
+def beliefs(each: Reported) -> Bars:
+    """Confidence of a cause and of its alternatives; causes that the recordings cannot tell apart have one bar."""
+    kin = [each.term.id, *(name for name, _ in each.family)]
+    rows = [Bar(" or ".join(dict.fromkeys(kin)), each.family_confidence, percent(each.family_confidence), "after")]
+    rows += [
+        Bar(name, share, percent(share), "before" if name in library() else "muted")
+        for name, share in each.alternatives
+        if share >= LEAST_CONFIDENCE and name not in kin
     ]
-    largest = shown[0][1].evidence if shown else 1.0
-    rows = [
-        Bar(
-            f"{name} ({finding.candidate.label})" if finding.candidate.id else name,
-            finding.evidence,
-            percent(finding.evidence / largest),
-            "after" if name == chosen else ("before" if finding.candidate.id else "muted"),
-            f"evidence {finding.evidence:.0f}",
-        )
-        for name, finding in shown
-    ]
-    return ranked(rows, f"Evidence relative to the best hypothesis [%]; 100 % is {float(f'{largest:.2e}'):.0f}")
+    return ranked(rows, "Confidence [%]")

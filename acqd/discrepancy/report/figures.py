@@ -16,6 +16,7 @@ from acqd.residual.aspects import Aspect, aspects
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
 
 _BEFORE, _AFTER, _UNNAMED = "#b45309", "#1d6fa5", "#9aa5b1"
 _MOST_POINTS = 3000
@@ -108,8 +109,8 @@ def explained(closed: Closed, selected: Selected) -> Figure:
     right.axhline(0, color=_UNNAMED, lw=0.8)
     right.plot(np.array(share)[order], "o", ms=4, color=_AFTER)
     right.set_ylim(*np.clip([min(np.min(share), -0.2), max(np.max(share), 1.4)], -3, 5))
-    right.set_xlabel("blocks of at most a minute, in time [1]")
-    right.set_ylabel("strength relative to the fit [1]")
+    right.set_xlabel("blocks of at most a minute, in the order of time")
+    right.set_ylabel("strength relative to the fit")
     return figure
 
 
@@ -158,7 +159,15 @@ def along(closed: Closed) -> Figure:
     for axes in panels[len(before) :]:
         axes.set_visible(False)
     figure.supylabel("residual [W]", fontsize=8)
+    if closed.extended:
+        figure.legend(*_legend(), frameon=False, ncols=2, loc="outside upper left", fontsize=8)
     return figure
+
+
+def _legend() -> tuple[list[Line2D], list[str]]:
+    from matplotlib.lines import Line2D
+
+    return [Line2D([], [], color=colour, lw=1.2) for colour in (_BEFORE, _AFTER)], ["before", "after"]
 
 
 def _along(axes: object, aspect: Aspect, colour: str) -> None:

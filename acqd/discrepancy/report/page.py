@@ -10,16 +10,21 @@ from acqd.discrepancy.causes.belief import shipped
 from acqd.discrepancy.closed import Closed
 from acqd.discrepancy.config import CloseConfig
 from acqd.discrepancy.repair.correction import Correction
-from acqd.discrepancy.repair.terms import Reported, described
+from acqd.discrepancy.repair.terms import Reported
 from acqd.discrepancy.report import causes, charts, figures
-from acqd.discrepancy.report.summary import VERDICTS, unexplained
+from acqd.discrepancy.report.summary import VERDICTS, remaining
 from acqd.discrepancy.report.tile import tile
+from acqd.discrepancy.selection.accepted import Hypothesis, Selected
 from acqd.models.bundle.bundle import fingerprint
 from acqd.models.effects import library
-from acqd.report.digits import interval_of, number, percent, with_error
+from acqd.report.digits import counted, interval_of, number, percent, with_error
 from acqd.report.page import Page
 from acqd.residual.quality import Quality
 
+_EVIDENCE = (
+    "Evidence is twice the log Bayes factor against the model without the effect: 10 is strong, and it grows with the "
+    "number of rows. It says that something is there; how likely a cause is among the others, its confidence says."
+)
 _QUESTIONS = {
     "change": "what has changed since the model was made",
     "structure": "what the model lacks in all recordings",
@@ -29,7 +34,10 @@ _QUESTIONS = {
 def write_report(path: Path, config: CloseConfig, closed: Closed) -> None:
     """Write the page. Raises UserError."""
     subject = closed.subject
-    page = Page(f"Error of the model on {config.dataset.name}", simulated=subject.data.measured == "simulated")
+    page = Page(
+        f"Error of the model on {config.dataset.name}",
+        simulated=subject.data.measured == "simulated", kind="closing report", subject=subject.data.robot,
+    )  # fmt: skip
     page.verdict(tile(closed, config.duty))
     if subject.data.measured == "derived":
         page.text("The power of this dataset is derived from other measurements, not metered.")
@@ -88,13 +96,10 @@ def _numbers(figures_of: Quality) -> list[str]:
 
 def _rest(page: Page, closed: Closed) -> None:
     page.heading("Remaining residual")
-    page.text(_sentence(unexplained(closed)))
+    page.text(_sentence(remaining(closed)))
     for note in closed.notes:
-        page.text(_sentence(note))
-    if closed.hypotheses:
-        bars = charts.ranking([row.finding for row in closed.hypotheses], None)
-        if bars.rows:
-            page.bars(bars, "The last ranking: how much every hypothesis would explain now. Grey: without a name.")
+        if note not in closed.warnings:
+            page.text(_sentence(note))
     if closed.joints is not None:
         page.heading("Torques at the joints")
         page.text(_sentence(closed.joints.as_text()))
@@ -106,15 +111,20 @@ def _rest(page: Page, closed: Closed) -> None:
     if closed.hypotheses:
         page.heading("Hypotheses that were not accepted")
         with page.folded("Evidence, what is missing, and the recording that would decide"):
-            rows = [[h.as_text(), h.experiment] for h in closed.hypotheses]
-            page.table(["hypothesis", "what would decide"], rows)
+            page.text(_EVIDENCE)
+            rows = [
+                [
+                    _named(each), number(each.finding.evidence), number(each.margin), "; ".join(each.missing),
+                    each.experiment,
+                ]
+                for each in closed.hypotheses
+            ]  # fmt: skip
+            page.table(["hypothesis", "evidence", "needed", "missing", "what would decide"], rows)
 
 
 def _evidence(page: Page, closed: Closed) -> None:
     page.heading("Evidence")
-    colours = "before (orange), after (blue); " if closed.extended else ""
-    caption = f"Residual along recorded quantities: {colours}line: mean, band: RMS."
-    page.figure(figures.along(closed), caption)
+    page.figure(figures.along(closed), "Residual along recorded quantities. Line: mean; band: RMS.")
     page.lines(charts.correlation(closed), "Autocorrelation of the residual: what one row says about later rows.")
 
 
@@ -135,14 +145,13 @@ def _ability(page: Page, ability: Ability) -> None:
 def _effect(page: Page, closed: Closed, each: Reported, index: int) -> None:
     effect = library()[each.term.id]
     page.heading(f"Effect {index + 1}: {each.term.id}, {each.term.where}")
-    page.text(_sentence(described(each)))
+    page.text(_sentence(_agreement(each)))
     page.text(_confidence(each))
+    page.bars(charts.beliefs(each), f"What separates them: {effect.experiment}.")
     selected = next(
         (n for n in closed.selection.effects if n.id == each.term.id and n.place.where == each.term.where), None
     )
     if selected is not None:
-        bars = charts.ranking([row.finding for row in selected.table], selected.id)
-        page.bars(bars, "The hypotheses that competed. Blue: accepted; grey: without a name.")
         page.figure(
             figures.explained(closed, selected),
             "Left: residual without the effect against the effect's power. Right: strength of the effect over time.",
@@ -150,6 +159,31 @@ def _effect(page: Page, closed: Closed, each: Reported, index: int) -> None:
     with page.folded("Parameters and equation"):
         page.table(["parameter", "value", "unit", "95 % interval"], _parameters(each))
         page.text(f"Equation: {effect.equation}.")
+    if selected is not None:
+        with page.folded("Evidence of the hypotheses that competed"):
+            page.text(_EVIDENCE)
+            page.table(["hypothesis", "evidence"], _competed(selected))
+
+
+def _agreement(each: Reported) -> str:
+    """What the effect is, since when, and how many recordings say so."""
+    since = f", since {each.start}" if each.start else ""
+    shifted = " are shifted the same way" if each.evidence is None else " agree"
+    count = f"{each.consistency:.0%} of {counted(each.recordings, 'recording')}"
+    return f"{library()[each.term.id].summary} ({each.term.where}{since}): {count}{shifted}"
+
+
+def _named(each: Hypothesis) -> str:
+    sizes = ", ".join(f"{number(value)} {unit}" for value, unit in each.parameters.values())
+    return f"{each.name}{f' {each.where}' if each.id else ''}{f' ({sizes})' if sizes else ''}"
+
+
+def _competed(selected: Selected) -> list[list[str]]:
+    """The strongest place of every hypothesis with its evidence."""
+    best: dict[str, Hypothesis] = {}
+    for row in sorted(selected.table, key=lambda row: -row.finding.evidence):
+        best.setdefault(row.name, row)
+    return [[_named(row), number(row.finding.evidence)] for row in best.values() if row.finding.evidence > 0]
 
 
 def _correction(page: Page, correction: Correction) -> None:
@@ -184,7 +218,9 @@ def _parameters(each: Reported) -> list[list[str]]:
 
 
 def _confidence(each: Reported) -> str:
-    others = ", ".join(f"{name} {percent(share)}" for name, share in each.alternatives) or "none"
+    near = [(name, share) for name, share in each.alternatives if share >= charts.LEAST_CONFIDENCE]
+    others = ", ".join(f"{name} {percent(share)}" for name, share in near)
+    others = others or f"none with {percent(charts.LEAST_CONFIDENCE)} or more"
     if each.family:
         kin = ", ".join(f"{name} ({where})" for name, where in each.family)
         others += f". Nearly the same power in these recordings: {kin}; together {percent(each.family_confidence)}"

@@ -58,6 +58,7 @@ def as_json(config: CloseConfig, closed: Closed) -> dict[str, Any]:
         "ability": closed.ability.as_json(),
         "next": next_steps(closed),
         "notes": closed.notes,
+        "warnings": closed.warnings,
         "model": {"name": subject.bundle.metadata["name"], "bundle": str(config.bundle)},
         "dataset": str(config.dataset),
         "seed": config.seed,
@@ -95,13 +96,21 @@ def _effect(closed: Closed, each: Reported, duty: Duty) -> dict[str, Any]:
 
 
 def unexplained(closed: Closed) -> str:
+    """What remains, in words, with its evidence."""
+    unknown = closed.selection.unknown
+    if unknown is None:
+        return remaining(closed)
+    evidence = f"evidence {unknown.finding.evidence:.0f} (twice the log Bayes factor)"
+    return f"{remaining(closed)}: {evidence}{_closest(closed)}"
+
+
+def remaining(closed: Closed) -> str:
     """What remains, in words."""
     unknown = closed.selection.unknown
     if unknown is not None:
         since = f", {unknown.gate.label}" if unknown.gate.start else ""
         likeness = closed.correction.looks_like if closed.correction is not None else ""
-        what = f"{unnamed(unknown.finding.candidate.label)}{f', like {likeness}' if likeness else ''}"
-        return f"{what}{since}: evidence {unknown.finding.evidence:.0f} (twice the log Bayes factor){_closest(closed)}"
+        return f"{unnamed(unknown.finding.candidate.label)}{f', like {likeness}' if likeness else ''}{since}"
     rest = f"{closed.after.rmse:.2f} W RMS on held-out recordings, noise {closed.floor_W:.2f} W"
     if closed.reference_rmse is not None:
         return f"{rest}; the model's residual was {closed.reference_rmse:.2f} W when it was made"

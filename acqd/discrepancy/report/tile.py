@@ -9,6 +9,7 @@ from acqd.discrepancy.closed import Closed
 from acqd.discrepancy.recordings import Subject
 from acqd.discrepancy.repair.correction import Correction
 from acqd.discrepancy.repair.terms import Reported
+from acqd.discrepancy.report import causes
 from acqd.discrepancy.report.cost import cost_figure, cost_of
 from acqd.discrepancy.report.main_parameter import changed_place, main_parameter
 from acqd.discrepancy.report.relevance import compared_with_robot, mean_power
@@ -23,13 +24,22 @@ _TONES: dict[str, Tone] = {
     "effects_found": "found", "nothing_left": "fine", "unknown_structure": "open", "not_identifiable": "open"
 }  # fmt: skip
 _SHOWN_EFFECTS = 3
+_MOST_CAUSES = 3
 _EITHER = re.compile(r"(\w+) \(or (\w+)\)")
 
 
 def tile(closed: Closed, duty: Duty) -> Verdict:
     """What a plant engineer needs within a minute; `duty`: for the cost of a year."""
-    figures = _how_much(closed) + _how_sure(closed) + mean_power(closed) + _costs(closed, duty) + [_error(closed)]
-    return Verdict(_TONES[closed.verdict], _headline(closed), _sentence(closed), figures, next_steps(closed))
+    figures = (
+        _how_much(closed)
+        + _how_sure(closed)
+        + _causes(closed)
+        + mean_power(closed)
+        + _costs(closed, duty)
+        + [_error(closed)]
+    )
+    warnings = [f"{_capital(warning)}." for warning in closed.warnings]
+    return Verdict(_TONES[closed.verdict], _headline(closed), _sentence(closed), figures, next_steps(closed), warnings)
 
 
 def _headline(closed: Closed) -> str:
@@ -119,6 +129,15 @@ def _how_sure(closed: Closed) -> list[KeyFigure]:
     share = percent(min(max(best.finding.evidence, 0.0) / unknown.finding.evidence, 1.0))
     lacks = f"; missing: {'; '.join(best.missing)}" if best.missing else ""
     return [KeyFigure("closest known effect", best.id, f"has {share} of the evidence{lacks}")]
+
+
+def _causes(closed: Closed) -> list[KeyFigure]:
+    """The set of causes, where that is short enough to look for each of them."""
+    belief = causes.believed(closed)
+    if belief is None or len(belief.members) > _MOST_CAUSES:
+        return []
+    note = ", ".join(percent(belief.probabilities[label]) for label in belief.members)
+    return [KeyFigure("largest cause", " or ".join(map(causes.name_of, belief.members)), f"{note}; calibrated")]
 
 
 def _costs(closed: Closed, duty: Duty) -> list[KeyFigure]:

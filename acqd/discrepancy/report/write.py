@@ -19,6 +19,7 @@ from acqd.models.bundle.bundle import Bundle, save_bundle
 from acqd.models.bundle.reference import reference_arrays
 from acqd.models.greybox.bundle_io import arrays_of
 from acqd.models.greybox.model import GreyBox
+from acqd.report.chain import REPORT, connect
 
 BUNDLE = "model"
 
@@ -32,10 +33,13 @@ def require_writable(folder: Path) -> None:
 def write_all(config: CloseConfig, closed: Closed) -> None:
     """Fill `config.out`. Raises UserError, OperationError."""
     with complete_folder(config.out) as folder:
-        write_report(folder / "report.html", config, closed)
+        write_report(folder / REPORT, config, closed)
         text = orjson.dumps(as_json(config, closed), option=orjson.OPT_INDENT_2 | orjson.OPT_SERIALIZE_NUMPY)
         (folder / "report.json").write_bytes(text)
         save_bundle(folder / BUNDLE, augmented_bundle(config, closed))
+    trained_on = closed.subject.bundle.metadata["provenance"].get("dataset")
+    earlier = [config.dataset, *config.further, config.bundle.parent, *([Path(trained_on)] if trained_on else [])]
+    connect(config.out / REPORT, [each / REPORT for each in earlier])
 
 
 def augmented_bundle(config: CloseConfig, closed: Closed) -> Bundle:

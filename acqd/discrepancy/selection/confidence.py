@@ -21,6 +21,7 @@ from acqd.discrepancy.selection.judging import best_of_each, kinds_of, left_by, 
 from acqd.discrepancy.selection.ranking import Finding, Rows, gains, ranked
 from acqd.discrepancy.selection.shape_fit import fit_shape
 from acqd.discrepancy.thresholds import THRESHOLDS
+from acqd.discrepancy.thresholds.chance import by_chance
 
 _EFFECTS, _LAWS = 6, 3
 """Rivals that are compared."""
@@ -127,15 +128,14 @@ def _odds(rows: Rows, selected: Selected, own: Finding, rival: Finding, gained: 
     the difference too: its spread is that about a line through zero (the regression estimator of Cochran 1977). What
     the description of the base model contributes to the evidence is no recording's: the sum of gains may be zero.
     """
-    gate = selected.gate.open
+    of_columns = THRESHOLDS.column_error**2 * left_by(rows.design, selected.gate.open, rival, [own])
     ahead = own.evidence - rival.evidence
     if not rival.candidate.id:
-        ahead += margin(rows, gate, rival, [own], kinds)
+        ahead += by_chance(kinds) + of_columns
     differences = gained[0] - gained[1]
     count = len(differences)
     scatter = differences - gained[0] * float(gained[0] @ differences) / max(float(gained[0] @ gained[0]), 1e-12)
     spread = float(scatter @ scatter) * count / max(count - 1, 1)
-    of_columns = THRESHOLDS.column_error**2 * left_by(rows.design, gate, rival, [own])
     error = max(float(np.hypot(np.sqrt(spread), of_columns / THRESHOLDS.interval_width)), 1.0)
     wins = float(student.cdf(ahead / error, count - 1 + THRESHOLDS.few_sessions))
     return (1 - wins) / max(wins, 1e-9)

@@ -14,7 +14,8 @@ from acqd.robot.dynamics import inverse_dynamics, mechanical_energy
 
 _REFERENCE_DEGC = 30.0
 _SIGN_SPEED = 0.004  # rad/s, speed range in which friction changes its sign
-_COM = (0.0, 0.0, 0.04)  # m, centre of mass of a payload in the flange frame
+PAYLOAD_CENTRE_M = 0.04
+"""m from the flange on its axis: centre of mass of a payload."""
 
 
 class RigidBody:
@@ -28,7 +29,7 @@ class RigidBody:
     def arm(self, mass: float) -> Arm:
         """The arm with `mass` (kg) at its flange."""
         if mass not in self._loaded:
-            self._loaded[mass] = Arm(self._arm.description, Payload(mass, _COM))
+            self._loaded[mass] = Arm(self._arm.description, Payload(mass, (0.0, 0.0, PAYLOAD_CENTRE_M)))
         return self._loaded[mass]
 
     def torque(self, motion: Motion, mass: Floats) -> Floats:

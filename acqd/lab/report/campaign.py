@@ -19,7 +19,8 @@ def campaign_report(
     title: str, powers: dict[str, Floats], spaces: dict[str, dict[str, float]], window_s: float, folder: Path
 ) -> Path:
     """Distribution of metered power per space, and one recording per space."""
-    page = Page(f"Virtual measurement campaign: {title}", simulated=True)
+    robot = title.partition(",")[0]
+    page = Page(f"Virtual measurement campaign: {title}", simulated=True, kind="campaign", subject=robot)
     page.verdict(_verdict(spaces))
     by_space = {
         space: {name: P for name, P in powers.items() if name.split("/")[-1].startswith(space)} for space in spaces

@@ -23,7 +23,12 @@ _NEGLIGIBLE_W = 1e-6
 def execution_report(cell: Cell, truth: SessionTruth, q: Floats, folder: Path) -> Path:
     """Power and joint angles of one execution, and its energy balance."""
     recording = truth.recordings[0]
-    page = Page(f"{recording.name} on the virtual {cell.robot.title}", simulated=True)
+    page = Page(
+        f"{recording.name} on the virtual {cell.robot.title}",
+        simulated=True,
+        kind="laboratory",
+        subject=cell.robot.name,
+    )
     within = windows_within(recording.start_s, recording.seconds, truth.window_s)
     page.verdict(_verdict(cell, truth, within))
     page.lines(_power(truth, within), "Metered power, and what the meter adds to the true power.")

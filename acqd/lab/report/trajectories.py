@@ -15,7 +15,9 @@ from acqd.report import KeyFigure, Page, Verdict
 
 def trajectories_report(cell: Cell, trajectories: TrajectorySet, folder: Path) -> Path:
     """Workspaces, points, blending, and two executions of one trajectory; figures also as PNG."""
-    page = Page(f"Excitation trajectories of {cell.robot.title}", simulated=True)
+    page = Page(
+        f"Excitation trajectories of {cell.robot.title}", simulated=True, kind="trajectories", subject=cell.robot.name
+    )
     page.verdict(_verdict(cell, trajectories))
     columns = ("trajectories", "points", "unreachable", "colliding")
     rows = [[space, *(tally[key] for key in columns)] for space, tally in trajectories.summary().items()]
@@ -24,18 +26,22 @@ def trajectories_report(cell: Cell, trajectories: TrajectorySet, folder: Path) -
     if trajectories.limited:
         page.heading("Limited space (Algorithm 1)")
         figure = figures.limited_space(cell.arm, cell.scene, cell.cube(), trajectories.limited)
-        page.figure(figure, "Cube, points and PTP paths (thesis Figure 5.1).", folder / "limited_space.png")
+        page.figure(
+            figure, "Cube, points and PTP paths.", source="Thesis Figure 5.1.", png=folder / "limited_space.png"
+        )
     if trajectories.all_space:
         page.heading("All space (Algorithm 2)")
         figure = figures.all_space(cell.arm, cell.scene, trajectories.all_space)
-        page.figure(figure, "Collision boxes and poses (thesis Figure 5.2).", folder / "all_space.png")
+        page.figure(figure, "Collision boxes and poses.", source="Thesis Figure 5.2.", png=folder / "all_space.png")
     shown = (trajectories.limited or trajectories.all_space)[0]
     executed = [_executed(cell, shown, number) for number in (1, 2)]
     page.heading("Execution")
     figure = figures.blending(cell.arm, shown, executed[0][::20])
-    page.figure(figure, "Blending cuts the corners (thesis Figure 5.3).", folder / "blending.png")
+    page.figure(figure, "Blending cuts the corners.", source="Thesis Figure 5.3.", png=folder / "blending.png")
     figure = figures.two_executions([joint.name for joint in cell.robot.joint], executed, RATE)
-    page.figure(figure, f"Two executions of {shown.name} (thesis Figure 5.4).", folder / "two_executions.png")
+    page.figure(
+        figure, f"Two executions of {shown.name}.", source="Thesis Figure 5.4.", png=folder / "two_executions.png"
+    )
     page.detail("seed", cell.settings.seed)
     path = folder / "report.html"
     page.write(path)

@@ -46,7 +46,7 @@ def _mae(entry: Entry, kind: str) -> float:
 def violins(entries: list[Entry]) -> Figure:
     """Distribution of absolute errors; left up to the largest 99th percentile, right all.
 
-    Quartiles are black, the median is white, the MAE orange, the RMSE violet.
+    A thick line joins the quartiles, a dot is the median; the legend names the marks of MAE and RMSE.
     """
     figure = Figure(figsize=(10, 0.9 + 0.5 * len(entries)))
     near, full = figure.subplots(1, 2, sharey=True)
@@ -64,12 +64,13 @@ def violins(entries: list[Entry]) -> Figure:
         low, middle, high = np.percentile(entry.errors, [25, 50, 75])
         near.plot([low, high], [k, k], color="black", lw=5, solid_capstyle="butt")
         near.plot(middle, k, "o", color="white", ms=4)
-        near.plot(entry.errors.mean(), k, "|", color="#b45309", ms=12, mew=2)
-        near.plot(np.sqrt((entry.errors**2).mean()), k, "|", color="#7c3aed", ms=12, mew=2)
+        near.plot(entry.errors.mean(), k, "|", color="#b45309", ms=12, mew=2, label=None if k else "MAE")
+        near.plot(np.sqrt((entry.errors**2).mean()), k, "x", color="#7c3aed", ms=7, mew=2, label=None if k else "RMSE")
     near.set_yticks(range(len(entries)), [entry.name for entry in entries])
     near.set_ylabel("model")
     near.set_xlabel("absolute error [W], lower part")
     near.set_xlim(0, limit)
+    near.legend(frameon=False, fontsize=8, loc="lower right")
     full.set_xlabel("absolute error [W]")
     near.invert_yaxis()
     return figure

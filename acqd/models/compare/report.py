@@ -24,17 +24,21 @@ _HEATMAPS = (
     ("Wider kernels", "8.11", ("21x1dim", "3conv1x5", "5conv1x21", "3conv1x11")),
 )
 """Heading, figure of the thesis, and networks."""
+_MAE = "MAE [W] on each kind of held-out recordings."
 
 
 def write_report(comparison: Comparison, path: Path) -> None:
     """Write the report to `path`. Raises UserError."""
     data = comparison.data
-    page = Page(f"Models of the power of {data.robot}", simulated=data.measured == "simulated")
+    page = Page(
+        f"Models of the power of {data.robot}",
+        simulated=data.measured == "simulated", kind="models", subject=data.robot,
+    )  # fmt: skip
     page.verdict(_verdict(comparison))
     if data.measured == "derived":
         page.text("The power was derived from other measurements, not metered. Errors are against that derived power.")
     best = comparison.best()
-    page.bars(_mean_errors(comparison), "The best model first. Blue: the best; grey: baselines.")
+    page.bars(_mean_errors(comparison), "The best model first.")
     _minute(page, comparison, best)
     _table(page, comparison)
     on_all = sorted(
@@ -45,13 +49,13 @@ def write_report(comparison: Comparison, path: Path) -> None:
     page.heading("Distribution of errors")
     page.figure(
         pictures.violins(on_all + comparison.baselines),
-        "Absolute errors on all held-out recordings. Thick line: quartiles; dot: median; orange: MAE; violet: RMSE. "
-        "Thesis Figures 8.4, 8.7, 8.12, 8.17.",
+        "Absolute errors on all held-out recordings. Thick line: quartiles; dot: median.",
+        source="Thesis Figures 8.4, 8.7, 8.12, 8.17.",
     )
     page.heading("Energy of a recording")
     page.figure(
         pictures.energy(comparison, on_all),
-        "Predicted over measured energy minus 1, one mark for each held-out recording. Green: within 1 %.",
+        "Predicted over measured energy minus 1, one mark for each held-out recording. Band: within 1 %.",
     )
     _samples(page, comparison, on_all)
     _parameters(page, on_all)
@@ -142,7 +146,7 @@ def _table(page: Page, comparison: Comparison) -> None:
     page.text(
         f"{intervals} Bias: predicted minus measured. Energy p95: 95 % of "
         "the recordings have a smaller relative error of their energy. Unstable: share of seconds in which the second "
-        "difference of the prediction is more than four times that of the measurement (thesis Figure 8.5)."
+        "difference of the prediction is more than four times that of the measurement."
     )
     page.text(
         f"Noise floor: {comparison.floor_W:.2f} W MAE, which is sqrt(2 / pi) times the RMS of the noise, measured "
@@ -157,21 +161,21 @@ def _heatmaps(page: Page, comparison: Comparison) -> None:
         entries = sorted(entries, key=lambda e: (_MANUAL.index(e.name), e.trained_on))
         if entries:
             rows = [f"{e.name}, trained on {pictures.kind_label(e.trained_on)}" for e in entries]
-            page.figure(pictures.heatmap(entries, comparison.kinds, rows), _mae_caption("8.1"))
+            page.figure(pictures.heatmap(entries, comparison.kinds, rows), _MAE, source=_figure("8.1"))
     for title, thesis, names in _HEATMAPS:
         entries = [e for name in names if (e := comparison.find(name, "everything"))]
         if len(entries) > 1:
             page.heading(title)
             rows = [e.name for e in entries]
-            page.figure(pictures.heatmap(entries, comparison.kinds, rows), _mae_caption(thesis))
+            page.figure(pictures.heatmap(entries, comparison.kinds, rows), _MAE, source=_figure(thesis))
     everything = sorted(comparison.entries, key=lambda e: e.metrics["everything"].mae) + comparison.baselines
     page.heading("All models and baselines by kind of recording")
     rows = [f"{e.name} ({pictures.kind_label(e.trained_on)})" for e in everything]
-    page.figure(pictures.heatmap(everything, comparison.kinds, rows), _mae_caption("8.16"))
+    page.figure(pictures.heatmap(everything, comparison.kinds, rows), _MAE, source=_figure("8.16"))
 
 
-def _mae_caption(number: str) -> str:
-    return f"MAE [W] on each kind of held-out recordings. Thesis Figure {number}."
+def _figure(number: str) -> str:
+    return f"Thesis Figure {number}."
 
 
 def _samples(page: Page, comparison: Comparison, entries: list[Entry]) -> None:
@@ -184,7 +188,8 @@ def _samples(page: Page, comparison: Comparison, entries: list[Entry]) -> None:
         segment = comparison.test[which]
         chosen = [(entry.name, entry.predicted[which]) for entry in shown]
         figure = pictures.sample(segment, comparison.data.step_s, chosen)
-        page.figure(figure, f"{segment.recording}: {caption} MAE of {reference.name}. Thesis Figures 8.2, 8.18.")
+        text = f"{segment.recording}: {caption} MAE of {reference.name}."
+        page.figure(figure, text, source="Thesis Figures 8.2, 8.18.")
 
 
 def _parameters(page: Page, entries: list[Entry]) -> None:
@@ -218,10 +223,12 @@ def _kernels(page: Page, comparison: Comparison, entries: list[Entry]) -> None:
         page.heading(f"Kernels of {entry.name}")
         caption = (
             f"Learned kernels w of {entry.name}, compared with the difference of Gaussian (DoG) and the Laplacian of "
-            "Gaussian (LoG). Thesis Figures 8.8 to 8.15."
+            "Gaussian (LoG)."
         )
         normal = entry.model.normal.inputs(0, np.tile(example[:, None], (1, comparison.data.axes)))[:, 0]
-        page.figure(pictures.kernels(weights, comparison.data.step_s, normal), caption)
+        page.figure(
+            pictures.kernels(weights, comparison.data.step_s, normal), caption, source="Thesis Figures 8.8 to 8.15."
+        )
         rows: list[list[object]] = []
         for k, weight in enumerate(weights):
             like = likeness(weight)

@@ -1,11 +1,11 @@
 """`acqd lab investigate`: which commands run, in which order, and when the circle ends early."""
 
 import json
-from types import SimpleNamespace
+from pathlib import Path
 
 import pytest
 
-from acqd.cli.lab import investigate
+from acqd.cli.lab import steps
 from tests.commands import acqd_here
 
 SURE = {"id": "payload", "where": "flange", "confidence": 0.98, "family": {"members": []}}
@@ -17,29 +17,29 @@ def world(first, monkeypatch, fail=None):
     """Commands that only write what the next ones read; returns the list of their first words."""
     asked = []
 
-    def run(line, **_):
-        words = line[4:]
+    def run(words, show):
         asked.append(" ".join(words[:2]))
-        out = investigate.Path(words[words.index("--out") + 1]) if "--out" in words else None
+        out = Path(words[words.index("--out") + 1]) if "--out" in words else None
         if fail is not None and words[: len(fail)] == fail:
-            return SimpleNamespace(returncode=2, stdout="", stderr="noise\nacqd: ds: no recording could be used\n")
+            return 2, "ds: no recording could be used"
         made = {"campaign": "report.html", "execute": "report.html", "build": "manifest.json"}.get(words[1])
         if words[0] == "close-loop":
-            folder = out or investigate.Path(f"{words[1]}.loop")
+            folder = out or Path(f"{words[1]}.loop")
             folder.mkdir()
             effects = [first] if out is None else [SURE]
             report = {"verdict": "effects_found", "effects": effects, "hypotheses": []}
             (folder / "report.json").write_text(json.dumps(report))
         elif words[0] == "next":
-            folder = investigate.Path(f"{words[1]}.next")
+            folder = Path(f"{words[1]}.next")
             folder.mkdir()
             (folder / "next.json").write_text(json.dumps(PROMISE))
         elif made:
             out.mkdir()
             (out / made).write_text("")
-        return SimpleNamespace(returncode=0, stdout="", stderr="")
+        show("executing", 1.0)
+        return 0, ""
 
-    monkeypatch.setattr(investigate, "subprocess", SimpleNamespace(run=run))
+    monkeypatch.setattr(steps, "run_command", run)
     return asked
 
 
@@ -48,8 +48,8 @@ def test_a_doubt_asks_for_a_second_session_and_a_repeated_command_goes_on(monkey
     words = ("lab", "investigate", "--out", tmp_path / "c", "--undeclared", "payload:mass_kg=0.3", "--json")
     done = acqd_here(*words)
     assert done.returncode == 0, done.stderr
-    steps = [line.split()[0] if line.split()[0] in ("train", "close-loop", "next") else line for line in asked]
-    assert steps == [
+    ran = [line.split()[0] if line.split()[0] in ("train", "close-loop", "next") else line for line in asked]
+    assert ran == [
         *("lab campaign", "lab campaign", "dataset build", "dataset build", "train", "close-loop", "next"),
         *("lab execute", "dataset build", "close-loop"),
     ]
@@ -88,3 +88,15 @@ def test_a_command_that_fails_ends_the_circle_with_its_line(monkeypatch, tmp_pat
 def test_bad_input_is_one_line_and_leaves_nothing(tmp_path, words):
     done = acqd_here("lab", "investigate", "--out", tmp_path / "c", *words)
     assert done.returncode == 2 and len(done.stderr.strip().splitlines()) == 1 and not (tmp_path / "c").exists()
+
+
+def test_a_command_of_a_step_tells_its_progress_and_its_last_line(monkeypatch, tmp_path):
+    acqd = tmp_path / "acqd"
+    lines = ['{"step":"reading","share":0.5}', '{"step": 1', "acqd: ds: no recording could be used", ""]
+    script = ["#!/bin/sh", "cat >&2 <<'END'", *lines, "END", '[ "$ACQD_PROGRESS" = lines ] && exit 2', ""]
+    acqd.write_text("\n".join(script))
+    acqd.chmod(0o755)
+    monkeypatch.setattr(steps.sys, "executable", str(acqd))
+    told = []
+    code, said = steps.run_command(["dataset", "build"], lambda *step: told.append(step))
+    assert (code, said, told) == (2, "ds: no recording could be used", [("reading", 0.5)])

@@ -66,11 +66,14 @@ def test_wrong_columns_make_a_small_lead_unsure(monkeypatch):
     assert odds(400, 360, gained, monkeypatch, left=4000.0) > 0.1
 
 
-def test_a_law_has_to_explain_more_by_what_chance_gives(monkeypatch):
+def test_a_law_has_to_explain_more_by_the_margin(monkeypatch):
+    """What chance gives the best of many, and what wrong columns leave to a curve."""
     gained = [[100] * 4, [101] * 4]
     assert odds(400, 404, gained, monkeypatch, law=True, left=100.0) < 0.01
     assert odds(400, 404, gained, monkeypatch, law=False, left=100.0) > 1.0
     assert odds(400, 424, gained, monkeypatch, law=True, left=100.0) > 1.0
+    assert odds(4000, 4040, gained, monkeypatch, law=True, left=4000.0) < 0.2
+    assert odds(4000, 4140, gained, monkeypatch, law=True, left=4000.0) > 1.0
 
 
 def test_effects_that_act_together_are_no_rivals_of_each_other(model, robot):

@@ -1,0 +1,107 @@
+"""Pictures of pages for the documentation, as headless Chromium shows them.
+
+    python -m tools.docs.pictures TRIAL [--live PORT] [--out docs/pictures]
+
+TRIAL is the folder of an `acqd try`: its page and its closing report become `try.png` and `closing-report.png`, the
+report of its dataset `dataset.png`, the list of `acqd reports` `reports.png`, and pages that are there of `acqd next`,
+`acqd energy causes` and `acqd robot check` their own. --live takes `live-page.png` from an `acqd web` on this port. All
+of these data are simulated, and every page says so in the picture.
+"""
+
+from __future__ import annotations
+
+import argparse
+import io
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+
+from acqd.errors import UserError
+
+PICTURES = Path(__file__).parents[2] / "docs" / "pictures"
+_PROGRAMS = ("chromium", "chromium-browser", "google-chrome")
+_WIDTH, _COLOURS = 1000, 96
+_SETTLE_MS = 1500
+"""A live page shows rows by then."""
+_LIVE_MS = 45_000
+"""Until its charts have something to show."""
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """What to take."""
+
+    name: str
+    address: str
+    height: int
+    """Pixels from the top."""
+    wait_ms: int = _SETTLE_MS
+
+
+def views(trial: Path, live: int | None) -> list[View]:
+    """Pages that are there."""
+    loop = trial / "after.ds.loop"
+    files = (
+        ("try", trial / "index.html", 1560),
+        ("closing-report", loop / "report.html", 1290),
+        ("dataset", trial / "after.ds" / "report.html", 820),
+        ("reports", trial / "reports.html", 660),
+        ("campaign", trial / "after" / "report.html", 620),
+        ("next", trial / "after.ds.loop.next" / "next.html", 900),
+        ("energy-causes", trial / "causes.html", 980),
+        ("robot-check", trial / "robot.html", 860),
+    )
+    found = [View(name, path.resolve().as_uri(), height) for name, path, height in files if path.exists()]
+    if live is not None:
+        found.append(View("live-page", f"http://127.0.0.1:{live}/", 900, _LIVE_MS))
+    return found
+
+
+def take(shown: list[View], out: Path) -> list[Path]:
+    """Write the pictures. Raises UserError without a browser or without a page."""
+    program = next((path for name in _PROGRAMS if (path := shutil.which(name))), None)
+    try:
+        from PIL import Image
+        from playwright.sync_api import sync_playwright
+    except ImportError as error:
+        raise UserError(f"needs {error.name}: pip install 'acqd[browser]'") from None
+    if program is None:
+        raise UserError(f"no {' or '.join(_PROGRAMS)} is installed")
+    if not shown:
+        raise UserError("no page was found; make a trial with acqd try")
+    out.mkdir(parents=True, exist_ok=True)
+    written = []
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=program, args=["--no-sandbox"])
+        for view in shown:
+            page = browser.new_page(viewport={"width": _WIDTH, "height": view.height}, color_scheme="light")
+            page.goto(view.address)
+            page.wait_for_timeout(view.wait_ms)
+            image = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
+            picture = out / f"{view.name}.png"
+            image.quantize(_COLOURS, dither=Image.Dither.NONE).save(picture, optimize=True)
+            written.append(picture)
+            page.close()
+        browser.close()
+    return written
+
+
+def main() -> None:
+    """Take the pictures, print their sizes."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("trial", type=Path, metavar="TRIAL")
+    parser.add_argument("--live", type=int, metavar="PORT")
+    parser.add_argument("--out", type=Path, default=PICTURES)
+    arguments = parser.parse_args()
+    try:
+        written = take(views(arguments.trial, arguments.live), arguments.out)
+    except UserError as error:
+        parser.exit(2, f"{parser.prog}: {error}\n")
+    for path in written:
+        print(f"{path}: {path.stat().st_size / 1000:.0f} kB")
+    total = sum(path.stat().st_size for path in PICTURES.glob("*.png"))
+    print(f"all pictures: {total / 1000:.0f} kB")
+
+
+if __name__ == "__main__":
+    main()
