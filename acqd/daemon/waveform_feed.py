@@ -234,7 +234,8 @@ class WaveformFeed:
             energy = continued(energy, seq, self._before)
         self._cut = None
         if self._register is not None:
-            self._register.save(energy or [(0.0, 0.0)] * phases, self._register.others, Run(self._boot.name, -1))
+            begin, run = energy or [(0.0, 0.0)] * phases, Run(self._boot.name, -1)
+            self._register.save(begin, self._register.others, run, first=True)
         return energy
 
     def _take(self, batch: WindowBatch) -> None:
