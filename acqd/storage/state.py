@@ -11,6 +11,7 @@ from sqlalchemy.dialects import postgresql, sqlite
 from acqd.storage.schema import database_state
 from acqd.uptime import Moment
 
+_COMMITS = "commits/"
 IDENTITY, MAINTAINED = "identity", "maintained"
 
 
@@ -28,7 +29,13 @@ _WRITE = {
 
 def commits(client_id: str) -> str:
     """Key of the commits of one sink: several sinks of a group do not wait for one another."""
-    return f"commits/{client_id}"
+    return f"{_COMMITS}{client_id}"
+
+
+def has_commits(connection: sa.Connection) -> bool:
+    """Whether a sink has ever committed rows there."""
+    key = database_state.c.key
+    return connection.execute(sa.select(sa.exists().where(key.startswith(_COMMITS, autoescape=True)))).scalar_one()
 
 
 class Mark(NamedTuple):

@@ -235,9 +235,8 @@ class Delivery:
                 self._from_the_start()
         else:
             self._watch.came(topic)
-            if not retained and recalls(payload):
-                again = self.spool.recall()
-                _log.warning("%s has a database in an earlier state: %d stored rows are sent again", topic, again)
+            if not retained and recalls(payload) and (again := self.spool.recall()):
+                _log.warning("the database of %s may lack rows: %d stored ones are sent again", topic, again)
             if not retained:  # what was sent before the sink had subscribed may never reach it
                 self._from_the_start()
         self._changed.set()
