@@ -53,6 +53,8 @@ class RegisterFile:
         self._failed = False
         self.others: Any = None
         """State of the registers besides energy, as JSON; None before `load`, or where there are none."""
+        self.refused = False
+        """Whether `load` has found a file that it could not use."""
 
     def last_run(self) -> Run | None:
         """Who has written the file; None: nobody, or an earlier acqd. Does not wait for a disk."""
@@ -98,6 +100,7 @@ class RegisterFile:
 
     def _refuse(self, reason: str) -> None:
         """Rename the unusable file instead of deleting it: its readings may be wanted back."""
+        self.refused = True
         kept = self._path.with_suffix(".old")
         with contextlib.suppress(OSError):
             os.replace(self._path, kept)
