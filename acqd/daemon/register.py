@@ -159,12 +159,13 @@ class RegisterFile:
             os.replace(last, spare)
 
     def _confirm_names(self) -> None:
-        """Wait until the disk has the names of the files. Raises OSError."""
-        folder = os.open(self._path.parent, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
-        try:
-            os.fsync(folder)
-        finally:
-            os.close(folder)
+        """Wait until the disk has the names of the files, where its file system can say so: network shares may not."""
+        with contextlib.suppress(OSError):
+            folder = os.open(self._path.parent, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+            try:
+                os.fsync(folder)
+            finally:
+                os.close(folder)
 
 
 def greater(

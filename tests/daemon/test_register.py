@@ -79,6 +79,21 @@ def test_names_are_on_the_disk_before_blocks_are_written_over_and_before_the_fir
         assert done == ["names confirmed", "write", "content confirmed", "name", "name", "name"]
 
 
+def test_a_file_system_that_confirms_no_names_takes_the_register(tmp_path, monkeypatch):
+    """Some network shares answer EINVAL to fsync of a folder."""
+    fsync = os.fsync
+
+    def refuse(file):
+        if stat.S_ISDIR(os.fstat(file).st_mode):
+            raise OSError(errno.EINVAL, os.strerror(errno.EINVAL))
+        fsync(file)
+
+    monkeypatch.setattr(os, "fsync", refuse)
+    register = RegisterFile(tmp_path, "cell1")
+    register.save([(3.0, 0.0)], first=True)
+    assert register.load(1) == [(3.0, 0.0)]
+
+
 def test_a_register_that_the_disk_does_not_give_out_at_once_is_asked_for_again(tmp_path):
     RegisterFile(tmp_path, "cell1").save([(7.0, 0.0)])
     real, failures = Path.read_bytes, [errno.EIO, errno.ESTALE]
