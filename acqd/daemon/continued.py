@@ -10,7 +10,8 @@ from acqd.telemetry.last_rows import Known
 from acqd.telemetry.spool import Energy
 
 FLAG = "W_unconfirmed"
-"""Of the first rows after a power cut, where no sink has said which rows it has: W may have gone back."""
+"""Of the first rows after a power cut, where no sink has said which rows it has, and of those of a register that could
+not be read: W may have gone back."""
 
 
 def continued(own: Energy, seq: int, known: Known) -> Energy:

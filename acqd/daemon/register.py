@@ -53,6 +53,8 @@ class RegisterFile:
         self._failed = False
         self.others: Any = None
         """State of the registers besides energy, as JSON; None before `load`, or where there are none."""
+        self.refused = False
+        """Whether `load` has found a file that it could not use."""
 
     def last_run(self) -> Run | None:
         """Who has written the file; None: nobody, or an earlier acqd. Does not wait for a disk."""
@@ -98,13 +100,24 @@ class RegisterFile:
 
     def _refuse(self, reason: str) -> None:
         """Rename the unusable file instead of deleting it: its readings may be wanted back."""
+        self.refused = True
         kept = self._path.with_suffix(".old")
         with contextlib.suppress(OSError):
             os.replace(self._path, kept)
         _log.error("%s is %s: energy starts from zero, the file is kept as %s", self._path, reason, kept.name)
 
-    def save(self, readings: list[tuple[float, float]], others: Any = None, run: Run | None = None) -> None:
-        """Write the readings; a full disk is logged once, never fatal. May run in a thread."""
+    def save(
+        self,
+        readings: list[tuple[float, float]],
+        others: Any = None,
+        run: Run | None = None,
+        *,
+        first: bool = False,
+    ) -> None:
+        """Write the readings; a full disk is logged once, never fatal. May run in a thread.
+
+        `first`: of a run, before its first row. After a power cut, the file has to say that this run was there.
+        """
         data = {
             "registers": others,
             "run": asdict(run) if run is not None else None,
@@ -112,6 +125,8 @@ class RegisterFile:
         }
         try:
             self._write(json.dumps(data).encode())
+            if first:
+                self._confirm_names()
         except OSError as error:
             if not self._failed:
                 _log.error("%s cannot be written: %s", self._path, error.strerror)
@@ -126,6 +141,8 @@ class RegisterFile:
         leaves one of the two complete. Raises OSError.
         """
         spare, last = self._path.with_suffix(".new"), self._path.with_suffix(".last")
+        # On the disk, these blocks may still have the name of the last file: a cut would leave them half written.
+        self._confirm_names()
         file = os.open(spare, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o640)
         try:
             padded = content.ljust(-(-len(content) // _BLOCK) * _BLOCK)
@@ -140,6 +157,15 @@ class RegisterFile:
         os.replace(spare, self._path)
         with contextlib.suppress(FileNotFoundError):
             os.replace(last, spare)
+
+    def _confirm_names(self) -> None:
+        """Wait until the disk has the names of the files, where its file system can say so: network shares may not."""
+        with contextlib.suppress(OSError):
+            folder = os.open(self._path.parent, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+            try:
+                os.fsync(folder)
+            finally:
+                os.close(folder)
 
 
 def greater(

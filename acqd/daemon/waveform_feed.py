@@ -234,7 +234,9 @@ class WaveformFeed:
             energy = continued(energy, seq, self._before)
         self._cut = None
         if self._register is not None:
-            self._register.save(energy or [(0.0, 0.0)] * phases, self._register.others, Run(self._boot.name, -1))
+            self._unconfirmed |= self._register.refused
+            begin, run = energy or [(0.0, 0.0)] * phases, Run(self._boot.name, -1)
+            self._register.save(begin, self._register.others, run, first=True)
         return energy
 
     def _take(self, batch: WindowBatch) -> None:
@@ -243,7 +245,8 @@ class WaveformFeed:
         if self._unconfirmed:
             self._unconfirmed = False
             for row in rows:
-                row.flags = sorted({*row.flags, FLAG})
+                if row.seq == rows[0].seq:  # of the first window, however many have come together
+                    row.flags = sorted({*row.flags, FLAG})
         self._tally.add(rows)
         assert self._executive.meter is not None and self._registers is not None
         # These are of the second before: with the registers from before this batch.

@@ -9,6 +9,7 @@ Sums of physical values (codes of 64 bits) become integers of a fine step first.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from operator import mul
@@ -74,6 +75,8 @@ class EnergyRegister:
         self._imported, self._exported = (
             [round(Fraction(pair[k]) / unit) for pair, unit in zip(begin, self._unit, strict=True)] for k in (0, 1)
         )
+        self._direction = [0.0] * len(begin)  # of each phase in the last whole window, by its sign
+        self._deferred: list[int] = []  # counts of parts of windows against that direction; empty: none
 
     @staticmethod
     def kwh_per_count(volts_per_digit: float, amperes_per_digit: float, rate: float) -> float:
@@ -86,16 +89,31 @@ class EnergyRegister:
         A window imports or exports as a whole: within a mains cycle reactive power swings both ways.
         """
         # The readings must not depend on how many windows come together: each is that of the whole count.
-        if counts.shape[1] > 1 and self._integers and np.abs(counts).max() < _MOST / counts.shape[1]:
+        if self._integers and not self._deferred and 1 < counts.shape[1] < _MOST / np.abs(counts).max(initial=1.0):
             return self._add_integers(counts)
-        windows = np.array([self.add_window(window) for window in counts.T.tolist()])
-        imported, exported = windows.T.reshape(2, -1, len(windows))
-        return EnergyColumns(imported, exported)
+        return _columns([self.add_window(window) for window in counts.T.tolist()])
+
+    def add_part(self, counts: list[float], power: list[float]) -> EnergyColumns:
+        """Add what is left of a window with samples missing, [phases], and read the registers.
+
+        `power` is the mean over whole cycles, in any unit; NaN where there are none, or where it is not known: then the
+        direction is that of the whole window before. A part of a cycle may have energy against the direction, for
+        reactive power swings: that is added with the next window. Otherwise each gap could export what nobody has
+        exported, and W of an importing phase would fall.
+        """
+        sums, self._deferred = self._with_deferred(self._under_load(counts)), []
+        for phase, (sum_, watts) in enumerate(zip(sums, power, strict=True)):
+            toward = self._direction[phase] if math.isnan(watts) else watts
+            if sum_ < 0 < toward or toward < 0 < sum_ or not toward:
+                self._deferred = self._deferred or [0] * len(sums)
+                self._deferred[phase], sums[phase] = self._steps_of(sum_), 0
+        return _columns([self._turn(sums)])
 
     def _add_integers(self, counts: Floats) -> EnergyColumns:
         """Windows whose sums fit into 64 bits together, as `add_window` adds them one after the other."""
         if self._creeps:
             counts = np.where(np.abs(counts) < np.array(self._least)[:, None], 0.0, counts)
+        self._direction = counts[:, -1].tolist()
         sums = counts.astype(np.int64)
         readings = []
         for registers, added in ((self._imported, np.maximum(sums, 0)), (self._exported, np.maximum(-sums, 0))):
@@ -112,25 +130,56 @@ class EnergyRegister:
     def add_window(self, counts: list[float]) -> list[float]:
         """Add one window, [phases]; imported readings of all phases, then the exported ones [kWh]."""
         if self._creeps:
-            counts = [0.0 if abs(sum_) < least else sum_ for sum_, least in zip(counts, self._least, strict=True)]
+            counts = self._under_load(counts)
+        self._direction = counts
+        if self._deferred:
+            both, self._deferred = self._with_deferred(counts), []
+            return self._turn(both)
+        return self._turn(counts)
+
+    def _under_load(self, counts: list[float]) -> list[float]:
+        """Zero for the phases without load."""
+        return [0.0 if abs(sum_) < least else sum_ for sum_, least in zip(counts, self._least, strict=True)]
+
+    def _with_deferred(self, counts: Sequence[float]) -> list[float | Fraction]:
+        """What a window is worth with what an earlier part of one has left to it: exactly."""
+        deferred = self._deferred or [0] * len(counts)
+        return [Fraction(sum_) + Fraction(steps, self._steps) for sum_, steps in zip(counts, deferred, strict=True)]
+
+    def _turn(self, counts: Sequence[float | Fraction]) -> list[float]:
+        """Add to the registers; their readings as in `add_window`."""
         imported, exported = self._imported, self._exported
         for phase, sum_ in enumerate(counts):
-            added = int(sum_) if self._integers else round(Fraction(sum_) * self._steps)
+            added = int(sum_) if self._integers else self._steps_of(sum_)
             if added >= 0:
                 imported[phase] += added
             else:
                 exported[phase] -= added
         return [*map(mul, imported, self._per_step), *map(mul, exported, self._per_step)]
 
+    def _steps_of(self, sum_: float | Fraction) -> int:
+        return round(Fraction(sum_) * self._steps)
+
     def state(self) -> State:
-        """The registers in counts."""
-        return {"imported": list(self._imported), "exported": list(self._exported)}
+        """The registers in counts, and what decides about the next part of a window."""
+        return {
+            "imported": list(self._imported), "exported": list(self._exported),
+            "direction": list(self._direction), "deferred": list(self._deferred),
+        }  # fmt: skip
 
     def restore(self, state: State) -> None:
         """Go on where `state` was taken."""
         self._imported, self._exported = list(state["imported"]), list(state["exported"])
+        self._direction = list(state.get("direction") or [0.0] * len(self._imported))  # files of earlier versions
+        self._deferred = list(state.get("deferred", []))
 
     def reading(self) -> list[tuple[float, float]]:
         """Each phase's (imported, exported) [kWh] now."""
         imported, exported = map(mul, self._imported, self._per_step), map(mul, self._exported, self._per_step)
         return list(zip(imported, exported, strict=True))
+
+
+def _columns(windows: list[list[float]]) -> EnergyColumns:
+    """Readings of windows one after the other as columns."""
+    imported, exported = np.array(windows).T.reshape(2, -1, len(windows))
+    return EnergyColumns(imported, exported)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from acqd.arrays import Floats
 from acqd.metering.block import Codes, StreamFormat
-from acqd.metering.energy import EnergyRegister
+from acqd.metering.energy import EnergyColumns, EnergyRegister
 from acqd.metering.frequency import Estimate, FrequencyEstimator
 from acqd.metering.held import HeldFrequency
 from acqd.metering.interval import interval_sums
@@ -80,7 +80,7 @@ class ReferencePath:
         for k in np.flatnonzero(unsettled & ~np.isnan(f)).tolist():
             flag_window(flags, k, "unsettled")
         self._flag_phases(flags, live, piece.codes, piece.bounds)
-        return self._columns(piece, energy, means, (f, estimate.reactive), energy_counts, flags)
+        return self._columns(piece, energy.add(energy_counts), means, (f, estimate.reactive), flags)
 
     def broken(self, piece: Piece, energy: EnergyRegister) -> WindowBatch:
         """Meter one window with samples missing: its values are those of the longest unbroken run."""
@@ -108,7 +108,9 @@ class ReferencePath:
         joined = np.concatenate(piece.runs)
         self._flag_phases(flags, live, joined, np.array([0, len(joined)]))
         unknown = np.array([np.nan]), np.full((self._form.phases, 1), np.nan)
-        return self._columns(piece, energy, np.asarray(means), unknown, energy_counts, flags)
+        power = np.full(self._form.phases, np.nan) if self._fixed else np.asarray(means)[2, :, 0]
+        readings = energy.add_part(energy_counts[:, 0].tolist(), power.tolist())
+        return self._columns(piece, readings, np.asarray(means), unknown, flags)
 
     def _without_mains(self, piece: Piece, energy: EnergyRegister) -> WindowBatch | None:
         """Meter windows in noise: exactly these windows. None where a voltage, or one before them, may be mains.
@@ -142,7 +144,7 @@ class ReferencePath:
                     named.add("no_mains")
         unknown = np.full(len(starts), np.nan), np.full((self._form.phases, len(starts)), np.nan)
         means = np.stack((squares[0::2], squares[1::2], counts / count))
-        return self._columns(piece, energy, means, unknown, counts, flags)
+        return self._columns(piece, energy.add(counts), means, unknown, flags)
 
     def _estimate_f(self, u: Floats, i: Floats, ends: np.ndarray) -> Estimate:
         """f of each window; a run's first window may have its own samples only."""
@@ -173,14 +175,12 @@ class ReferencePath:
     def _columns(
         self,
         piece: Piece,
-        register: EnergyRegister,
+        energy: EnergyColumns,
         means: Floats,
         fundamental: tuple[Floats, Floats],
-        energy_counts: Floats,
         flags: list[list[set[str]]],
     ) -> WindowBatch:
         f, reactive = fundamental
-        energy = register.add(energy_counts)
         return WindowBatch(
             seq=piece.seq,
             utc_ns=piece.utc_ns,

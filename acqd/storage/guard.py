@@ -29,8 +29,10 @@ class Guard:
         self._identity: str | None = None
         self._number = 0
         self._path = file_of(engine)
+        self.restored = 0
+        """Times the database was found in an earlier state."""
         self.recall = 0
-        """Times the database was found in an earlier state: what it lacks is to be sent again."""
+        """Times that the database may lack rows that daemons still have: they are to be sent again."""
 
     def open(self) -> None:
         """Read at the start what the database remembers, before the first row is judged. Raises as `transaction`."""
@@ -79,12 +81,15 @@ class Guard:
         if self._identity is None:
             self._identity = identity
             self._number = mark.number if mark is not None else 0
+            if mark is None and not state.has_commits(connection):  # new, or what a server has failed over to
+                self.recall += 1
             self._witness.remember(mark)
             self._witness.look()
         elif identity != self._identity:
             raise self._away("it is another database than before; restart the sink to use it")
         number = mark.number if mark is not None else 0
         if number < self._number:
+            self.restored += 1
             self.recall += 1
             _log.error(
                 "database %s is in an earlier state (commit %d, was %d): restored? Daemons send again what they have",

@@ -19,7 +19,7 @@ from acqd.timestamps import filetime, rfc3339, utc_ns
 
 _CODES: dict[str, int] = {name: code for code, name in enumerate(CHANNELS)}
 _AT_ONCE = 500
-_INSERT = f"INSERT INTO power_row VALUES ({', '.join('?' * 10)}) ON CONFLICT DO NOTHING"
+_INSERT = f"INSERT INTO power_row VALUES ({', '.join('?' * 10)})"
 _FIRST, _LAST = filetime(0), filetime(253_402_300_800 * 10**9)
 """1970 to 9999: where SQLite and Python make the same text."""
 
@@ -40,8 +40,11 @@ def insert(connection: sa.Connection, rows: Sequence[PowerRow]) -> list[int]:
         stamps = [(number, time) for number, time in first.items() if time is not None and number not in known]
         if stamps:
             connection.exec_driver_sql("INSERT INTO power_stamp VALUES (?, ?)", stamps)
-    if connection.exec_driver_sql(_INSERT, numbered).rowcount == len(rows):
+    try:
+        connection.exec_driver_sql(_INSERT, numbered)
         return []
+    except sa.exc.IntegrityError:  # a key is there already; rows before it are inserted, and equal to themselves
+        connection.exec_driver_sql(f"{_INSERT} ON CONFLICT DO NOTHING", numbered)
     stored = {number: rest for number, *rest in _stored(connection, {one[0] for one in numbered})}
     return [k for k, one in enumerate(numbered) if stored[one[0]] != [*one[1:], odd.get(k)]]
 

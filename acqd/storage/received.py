@@ -11,7 +11,7 @@ from acqd.telemetry import topics
 from acqd.telemetry.event import PowerEvent
 from acqd.telemetry.quality_row import QualityRow, parse_quality
 from acqd.telemetry.register_row import RegisterRow, parse_registers
-from acqd.telemetry.row import PowerRow, parse_row
+from acqd.telemetry.row import PowerRow, parse_each, parse_row
 from acqd.telemetry.row_message import payloads_of
 from acqd.telemetry.spool import Stream
 
@@ -46,8 +46,12 @@ class Sorted:
 def sort(messages: Iterable[Received]) -> Sorted:
     """Read the rows; events and questions are set apart as they came."""
     found = Sorted()
+    power: list[tuple[Received, topics.Place]] = []
     for message in messages:
         place = topics.place(message.topic)
+        if place.kind == "power" and not message.oversized:
+            power.append((message, place))
+            continue
         try:
             if place.kind == "event":
                 found.events.append(message)
@@ -59,6 +63,13 @@ def sort(messages: Iterable[Received]) -> Sorted:
                 found.rows.append((message, _row(message, place)))
         except ValueError as error:
             found.refused.append((message, str(error)))
+    for (message, place), row in zip(power, parse_each([message.payload for message, _ in power]), strict=True):
+        if isinstance(row, ValueError):
+            found.refused.append((message, str(row)))
+        elif row.device == place.device and row.channel == place.channel:
+            found.rows.append((message, row))
+        else:
+            found.refused.append((message, _elsewhere(row)))
     return found
 
 
@@ -99,9 +110,13 @@ def _row(message: Received, place: topics.Place) -> Row:
     else:
         row = parse_registers(message.payload) if kind == "registers" else parse_row(message.payload)
     if row.device != place.device or (row.channel != place.channel and kind != "window"):
-        expected = topics.row(row.device, _stream_channel(row.__class__, row.channel))
-        raise ValueError(f"payload is of {expected}, but came by another topic")
+        raise ValueError(_elsewhere(row))
     return row
+
+
+def _elsewhere(row: Row) -> str:
+    expected = topics.row(row.device, _stream_channel(row.__class__, row.channel))
+    return f"payload is of {expected}, but came by another topic"
 
 
 def _stream_channel(kind: type[Row], channel: str) -> str:

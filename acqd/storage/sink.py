@@ -69,7 +69,7 @@ class Sink:
         self._unanswered = 0
         self._subscriber: Subscriber | None = None
         self._arrived: list[Publish] = []
-        self._held = self._under_way = 0
+        self._held = self._under_way = self._recalled = 0
         self._since = self._fed = 0.0
         self._announced = False
         self._said: set[str] = set()
@@ -201,8 +201,9 @@ class Sink:
                 subscriber.acknowledge([number for number in batch.numbers if number])
                 self._under_way -= len(batch.numbers)
                 self._held -= sum(len(message.payload) for message in batch.messages)
-        if self._announced and self.counters.recalls < self._writer.guard.recall:
-            self.counters.recalls = self._writer.guard.recall
+        self.counters.recalls = self._writer.guard.restored
+        if self._announced and self._recalled < self._writer.guard.recall:
+            self._recalled = self._writer.guard.recall
             subscriber.publish(topics.sink_status(self._settings.client_id), self._announcement(recall=True))
 
     def _announcement(self, **more: bool) -> bytes:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import orjson
 import sqlalchemy as sa
@@ -11,12 +11,31 @@ from sqlalchemy.dialects import postgresql, sqlite
 from acqd.storage.schema import database_state
 from acqd.uptime import Moment
 
+_COMMITS = "commits/"
 IDENTITY, MAINTAINED = "identity", "maintained"
+
+
+def _write_in(insert: postgresql.Insert | sqlite.Insert) -> sa.Insert:
+    return insert.on_conflict_do_update(index_elements=["key"], set_={"value": insert.excluded.value})
+
+
+# Made once: they stand in every transaction of a sink.
+_READ = sa.select(database_state.c.value).where(database_state.c.key == sa.bindparam("key"))
+_WRITE = {
+    "postgresql": _write_in(postgresql.insert(database_state)),
+    "sqlite": _write_in(sqlite.insert(database_state)),
+}
 
 
 def commits(client_id: str) -> str:
     """Key of the commits of one sink: several sinks of a group do not wait for one another."""
-    return f"commits/{client_id}"
+    return f"{_COMMITS}{client_id}"
+
+
+def has_commits(connection: sa.Connection) -> bool:
+    """Whether a sink has ever committed rows there."""
+    key = database_state.c.key
+    return connection.execute(sa.select(sa.exists().where(key.startswith(_COMMITS, autoescape=True)))).scalar_one()
 
 
 class Mark(NamedTuple):
@@ -34,16 +53,13 @@ class Mark(NamedTuple):
 
 def read(connection: sa.Connection, key: str) -> str | None:
     """A value. Raises the errors of SQLAlchemy, where the table is missing too."""
-    value = connection.execute(sa.select(database_state.c.value).where(database_state.c.key == key)).scalar()
+    value = connection.execute(_READ, {"key": key}).scalar()
     return None if value is None else str(value)
 
 
 def write(connection: sa.Connection, key: str, value: str) -> None:
     """Set a value."""
-    insert: Any = (postgresql.insert if connection.dialect.name == "postgresql" else sqlite.insert)(database_state)
-    connection.execute(
-        insert.values(key=key, value=value).on_conflict_do_update(index_elements=["key"], set_={"value": value})
-    )
+    connection.execute(_WRITE[connection.dialect.name], {"key": key, "value": value})
 
 
 def read_mark(connection: sa.Connection, key: str) -> Mark | None:

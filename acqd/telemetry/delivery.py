@@ -12,16 +12,16 @@ import logging
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
-from itertools import groupby
 from typing import Literal
 
 from acqd.telemetry import topics
+from acqd.telemetry.acknowledgements import Acknowledgements, Rows
 from acqd.telemetry.dialogue import Dialogue
 from acqd.telemetry.in_flight import InFlight
 from acqd.telemetry.message import Line, Message, Room
-from acqd.telemetry.ranges import Ranges
+from acqd.telemetry.receipt_watch import AHEAD, ReceiptWatch
 from acqd.telemetry.receipts import parse_receipt, ranges_of, recalls
-from acqd.telemetry.row_message import joined
+from acqd.telemetry.row_message import messages_of
 from acqd.telemetry.spool import Readings, Spool, SpooledRow, Stream
 from acqd.telemetry.unsent import Unsent
 
@@ -29,17 +29,7 @@ _log = logging.getLogger(__name__)
 Until = Literal["stored", "acknowledged"]
 _LIVE = 1_000
 """New rows that wait in memory for a slow connection; beyond that they come with the backlog."""
-_WITHOUT_RECEIPT = 4_096
-"""Rows of the backlog that are sent ahead of their receipts, while a sink is there."""
-_PROBE = 64
-"""The same while no sink is known: one may be there and not have said so."""
-_PATIENCE_S = (5.0, 60.0)
-"""How long a receipt may take; doubled while none comes."""
-_QUIET_S = 1.0
-"""The backlog pauses so long while a sink works through what the broker had kept for it."""
 _WAIT_S = 0.5
-_LATELY_S = 10.0
-"""How long the longest wait for a receipt is remembered: a sink that commits every 3 s is late all the time."""
 
 
 class Delivery:
@@ -73,24 +63,15 @@ class Delivery:
         self._states: dict[str, bytes] = {}
         self._position = spool.start
         self._flying, self._unsent = InFlight(), Unsent()
-        self._acknowledged: dict[Stream, Ranges] = {}
-        self._asked: list[dict[Stream, Ranges]] = []
+        self._watch, self._acknowledgements = ReceiptWatch(self._flying, now), Acknowledgements()
         self._devices = spool.devices | set(devices)
-        self._sinks: set[str] = set()
-        self._heard = self._unreceipted_since = -1e9
-        self._quiet_until = -1e9
-        self._patience = _PATIENCE_S[0]
-        self._waited = (-1e9, 0.0)
         self._more = False
         self._backlog_open = True
         self.sent = self.resent = self.delivered = 0
         """Rows published, those published again included; rows for which no receipt came in time; rows that the broker
         has acknowledged."""
-        self._checked = False
         self.examples: dict[str, Message] = {}
         """The newest row of every topic that the broker has acknowledged."""
-        self.sink_seen = False
-        """Whether a sink has ever announced itself or sent a receipt."""
 
     def put_rows(self, rows: Sequence[SpooledRow], readings: Readings | None = None) -> None:
         """Keep the rows of a window, and send them at once where there is a connection."""
@@ -149,7 +130,7 @@ class Delivery:
         self._online = True
         if self._dialogue is not None:
             self._dialogue.begin()
-        self._sinks.clear()
+        self._watch.begin()
         self._from_the_start()
         self._changed.set()
 
@@ -160,16 +141,17 @@ class Delivery:
     def end(self) -> None:
         """The connection has ended: new rows wait in the spool."""
         self._online, self._line = False, None
+        self._watch.end()
         if self._later is not None:
             self._later.cancel()
             self._later = None
         self._live.clear()
-        self._settle_acknowledged()
+        self._settle(self._acknowledgements.believed())
 
     async def take(self, room: Room) -> list[Message]:
         """New rows, states, and as much of the backlog as there is room for."""
         self._changed.clear()
-        self._settle_acknowledged()
+        self._settle(self._acknowledgements.believed())
         if self.spool.readable_again():
             self._position = self.spool.start
         said = self._dialogue.said() if self._dialogue is not None else []
@@ -217,31 +199,26 @@ class Delivery:
             self.examples[message.topic] = message
         self.delivered += len(sent)
         if self._until == "acknowledged":
-            for stream, seq in sent:
-                self._acknowledged.setdefault(stream, Ranges()).add(seq, seq)
+            self._acknowledgements.add(sent)
         if self._live or self._states or (self._backlog_open and self._position != self.spool.end):
             self._changed.set()  # there is room for what waits; what waits for a receipt is looked at when one comes
 
     def doubt(self) -> None:
         """Acknowledged rows stay until it is known that the broker takes rows, and does not only acknowledge them."""
-        self._checked = True
+        self._acknowledgements.doubt()
 
     def ask(self) -> None:
         """The question whether the broker takes rows goes out now: it is about those acknowledged until now."""
-        if self._acknowledged:
-            self._asked.append(self._acknowledged)
-            self._acknowledged = {}
+        self._acknowledgements.ask()
 
     def trust(self) -> None:
         """The broker took rows when it was asked, or cannot be asked: what it had acknowledged before is delivered."""
-        asked, self._asked = self._asked, []
-        self._settle(asked)
+        self._settle(self._acknowledgements.taken())
         self._changed.set()
 
     def again(self) -> None:
         """What the broker has acknowledged it has not taken: send all again."""
-        self._acknowledged.clear()
-        self._asked.clear()
+        self._acknowledgements.clear()
         self._from_the_start()
         self._changed.set()
 
@@ -254,16 +231,12 @@ class Delivery:
             if self._dialogue is not None:
                 self._dialogue.heard(topic, payload, retained=retained)
         elif payload == topics.OFFLINE:
-            self._sinks.discard(topic)
-            if self._sinks and not retained:  # the others get what it had taken with it
+            if self._watch.left(topic) and not retained:  # the others get what it had taken with it
                 self._from_the_start()
         else:
-            self._sinks.add(topic)
-            self.sink_seen = True
-            self._patience, self._waited = _PATIENCE_S[0], (-1e9, 0.0)
-            if not retained and recalls(payload):
-                again = self.spool.recall()
-                _log.warning("%s has a database in an earlier state: %d stored rows are sent again", topic, again)
+            self._watch.came(topic)
+            if not retained and recalls(payload) and (again := self.spool.recall()):
+                _log.warning("the database of %s may lack rows: %d stored ones are sent again", topic, again)
             if not retained:  # what was sent before the sink had subscribed may never reach it
                 self._from_the_start()
         self._changed.set()
@@ -274,35 +247,23 @@ class Delivery:
         return len(self._flying)
 
     @property
+    def sink_seen(self) -> bool:
+        """Whether a sink has ever announced itself or sent a receipt."""
+        return self._watch.seen
+
+    @property
     def unreceipted_s(self) -> float:
         """How long no receipt has come for rows that were sent, while a sink says that it is there [s]."""
-        return max(0.0, self._now() - self._unreceipted_since) if self._receipts_due else 0.0
+        return 0.0 if self._until == "acknowledged" else self._watch.unreceipted_s
 
     @property
     def receipt_lag_s(self) -> float:
-        """How long the oldest row has waited for its receipt while a sink says that it is there [s].
-
-        The longest wait of the last 10 s, of rows that have their receipt, too.
-        """
-        if self._until == "acknowledged" or not self._online or not self._sinks:
-            return 0.0
-        now, (waited_at, waited_s) = self._now(), self._waited
-        return max(self._flying.oldest_s(now), waited_s if now - waited_at < _LATELY_S else 0.0)
-
-    def _note_wait(self, waited_s: float) -> None:
-        """A row had waited so long when its receipt came, or when it was sent again."""
-        now, (waited_at, longest_s) = self._now(), self._waited
-        if self._sinks and (waited_s >= longest_s or now - waited_at >= _LATELY_S):
-            self._waited = now, waited_s
-
-    @property
-    def _receipts_due(self) -> bool:
-        return self._until != "acknowledged" and self._online and bool(self._sinks) and len(self._flying) > 0
+        """How long rows wait for their receipt while a sink says that it is there, at most, of the last 10 s [s]."""
+        return 0.0 if self._until == "acknowledged" else self._watch.lag_s
 
     def __len__(self) -> int:
         """Messages that wait: rows that are not delivered, states that are not sent."""
-        held = sum(len(rows) for streams in (self._acknowledged, *self._asked) for rows in streams.values())
-        return len(self.spool) - held + len(self._states)
+        return len(self.spool) - len(self._acknowledgements) + len(self._states)
 
     def _take_receipt(self, device: str, payload: bytes) -> None:
         try:
@@ -312,53 +273,33 @@ class Delivery:
             return
         if self._dialogue is not None:
             self._dialogue.answered(device, message)
-        self._note_wait(self._flying.oldest_s(self._now()))
+        self._watch.receipt_comes()
         removed = expected = 0
         for stream, *pair in ranges_of(device, message):
             for first, last in self._unsent.without(stream, *pair):
                 removed += self.spool.remove(stream, first, last)
                 expected += self._flying.settle(stream, first, last)
-        now = self._now()
-        self._heard, self.sink_seen = now, True
-        if expected:
-            self._unreceipted_since = now
-            self._patience = _PATIENCE_S[0]
-        if removed > expected:
-            self._quiet_until = now + _QUIET_S
+        self._watch.receipt_came(removed, expected)
 
     def _backlog_allowed(self) -> int:
         """Rows of the backlog that may be sent now."""
         if self._until == "acknowledged":
-            return _WITHOUT_RECEIPT
-        now = self._now()
-        if late := self._flying.overdue(now, self._patience):
+            return AHEAD
+        if late := self._watch.overdue():
             self.resent += late
-            self._note_wait(self._patience)
-            self._patience = min(2 * self._patience, _PATIENCE_S[1])
             self._position = self.spool.start
-        if now < self._quiet_until:
-            return 0
-        known = bool(self._sinks) or now - self._heard < _PATIENCE_S[1]
-        return (_WITHOUT_RECEIPT if known else _PROBE) - len(self._flying)
+        return self._watch.allowed()
 
     def _messages(self, rows: Sequence[SpooledRow]) -> list[Message]:
         now = self._now()
-        if not len(self._flying):
-            self._unreceipted_since = now
+        self._watch.sending()
         for stream, seq, _ in rows:
             self._flying.add(stream, seq, now)
             self._unsent.publish(stream, seq)
         self.sent += len(rows)
-        if not self._windows:
-            return [_row_message(row) for row in rows]
-        return [_window_message(list(window)) for _, window in groupby(rows, _window)]
+        return messages_of(rows, windows=self._windows)
 
-    def _settle_acknowledged(self) -> None:
-        if self._acknowledged and not self._checked:
-            settled, self._acknowledged = self._acknowledged, {}
-            self._settle([settled])
-
-    def _settle(self, acknowledged: Iterable[dict[Stream, Ranges]]) -> None:
+    def _settle(self, acknowledged: Iterable[Rows]) -> None:
         for streams in acknowledged:
             for stream, rows in streams.items():
                 for first, last in rows:
@@ -368,21 +309,3 @@ class Delivery:
     def _from_the_start(self) -> None:
         self._flying.clear()
         self._position = self.spool.start
-
-
-def _window(row: SpooledRow) -> tuple[str, str, int, str]:
-    """What the rows of a window have in common; rows of power quality are large, and travel alone, as events do."""
-    alone = row.stream.channel if topics.travels_alone(row.stream.channel) else ""
-    return row.stream.device, row.stream.boot, row.seq, alone
-
-
-def _row_message(row: SpooledRow) -> Message:
-    stream, seq, payload = row
-    return Message(topics.row(stream.device, stream.channel), payload, tag=[(stream, seq)])
-
-
-def _window_message(rows: Sequence[SpooledRow]) -> Message:
-    if topics.travels_alone(rows[0].stream.channel):
-        return _row_message(rows[0])
-    sent = [(row.stream, row.seq) for row in rows]
-    return Message(topics.window(rows[0].stream.device), joined(row.payload for row in rows), tag=sent)

@@ -99,7 +99,7 @@ class Announcement(msgspec.Struct):
     """What a sink says on its status topic."""
 
     recall: bool = False
-    """Its database is in an earlier state: rows that had a receipt are missing."""
+    """Its database is new or in an earlier state: rows that had a receipt are missing."""
 
 
 _announcements = msgspec.json.Decoder(Announcement)

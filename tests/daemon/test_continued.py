@@ -15,11 +15,14 @@ from acqd.daemon.continued import FLAG, continued
 from acqd.daemon.register import RegisterFile, Run
 from acqd.daemon.service import Service
 from acqd.daemon.tape import Tape
+from acqd.daemon.waveform_feed import WaveformFeed
+from acqd.metering import SampleBlock, StreamFormat
 from acqd.storage.database import open_database
 from acqd.storage.schema import power
 from acqd.telemetry.last_rows import Known, Reading
 from acqd.telemetry.mqtt import BrokerAddress
 from acqd.telemetry.receipts import LastRow
+from tests.mains import make_mains
 from tests.storage.test_sink import running_sink
 from tests.waiting import finish, until, wait_for
 
@@ -109,3 +112,16 @@ def test_no_register_goes_back_when_the_daemons_computer_loses_power(mosquitto, 
     flags = [json.loads(line)["flags"] for line in (tmp_path / "tape of alone").read_text().splitlines()]
     assert [FLAG in each for each in flags] == [True] * 4 + [False] * (len(flags) - 4), "no sink has answered"
     assert cuts == [(1, 0), (1, 1)]
+
+
+def test_the_first_rows_say_that_the_register_could_not_be_read(tmp_path, caplog):
+    """W begins at zero then: no power cut is known of, for the file holds nothing to ask with."""
+    (tmp_path / "energy-cell1.json").write_text('{"registers": null, "ru')
+    made, mains = [], make_mains(50.0, seconds=0.3, phases=1)
+    config = Config(device="cell1", state_dir=tmp_path, mqtt={"enabled": False}, health={"port": 0})
+    feed = WaveformFeed(config, config.source, "boot", lambda rows, *_: made.extend(rows))
+    meter = feed._executive.meter = feed._make_meter(StreamFormat(mains.rate, mains.scale))
+    for begin in range(0, 4_000, 800):
+        feed._take(meter.feed(SampleBlock(mains.codes[begin : begin + 800], begin, 0)))
+    assert [FLAG in row.flags for row in made] == [True] + [False] * 4
+    assert (tmp_path / "energy-cell1.old").exists() and "unreadable" in caplog.text

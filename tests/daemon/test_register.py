@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import errno
 import os
+import stat
 from pathlib import Path
 from unittest import mock
 
 from acqd.daemon import register as module
-from acqd.daemon.register import RegisterFile, greater, registers_of
+from acqd.daemon.register import RegisterFile, Run, greater, registers_of
 
 
 def test_registers_continue_from_the_greater_reading():
@@ -51,6 +52,46 @@ def test_a_disk_that_is_full_takes_the_register_all_the_same(tmp_path):
         "energy-cell1.json",
         "energy-cell1.new",
     ]
+
+
+def test_names_are_on_the_disk_before_blocks_are_written_over_and_before_the_first_row(tmp_path, monkeypatch):
+    """A disk may keep contents and lose names: then the last file would have the blocks of the next one, half written.
+
+    And the run before would be asked for, not the one whose rows have left.
+    """
+    done, names = [], {"pwrite": "write", "replace": "name", "link": "name"}
+    for name, what in names.items():
+        real = getattr(os, name)
+        monkeypatch.setattr(os, name, lambda *args, real=real, what=what: (done.append(what), real(*args))[1])
+    fsync = os.fsync
+
+    def confirm(file):
+        done.append("names confirmed" if stat.S_ISDIR(os.fstat(file).st_mode) else "content confirmed")
+        fsync(file)
+
+    monkeypatch.setattr(os, "fsync", confirm)
+    register = RegisterFile(tmp_path, "cell1")
+    register.save([(1.0, 0.0)], run=Run("boot", -1), first=True)
+    assert done[-1] == "names confirmed"
+    for k in range(3):
+        done.clear()
+        register.save([(float(k), 0.0)])
+        assert done == ["names confirmed", "write", "content confirmed", "name", "name", "name"]
+
+
+def test_a_file_system_that_confirms_no_names_takes_the_register(tmp_path, monkeypatch):
+    """Some network shares answer EINVAL to fsync of a folder."""
+    fsync = os.fsync
+
+    def refuse(file):
+        if stat.S_ISDIR(os.fstat(file).st_mode):
+            raise OSError(errno.EINVAL, os.strerror(errno.EINVAL))
+        fsync(file)
+
+    monkeypatch.setattr(os, "fsync", refuse)
+    register = RegisterFile(tmp_path, "cell1")
+    register.save([(3.0, 0.0)], first=True)
+    assert register.load(1) == [(3.0, 0.0)]
 
 
 def test_a_register_that_the_disk_does_not_give_out_at_once_is_asked_for_again(tmp_path):

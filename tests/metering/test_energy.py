@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from fractions import Fraction
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from acqd.metering import Meter, SampleBlock, StreamFormat
@@ -73,6 +74,55 @@ def test_import_and_export_are_kept_apart():
     assert batch.imported[0, -1] == pytest.approx(-(batch.exported[0, -1] * imports.P / exports.P), rel=1e-3)
     assert batch.W[0, -1] == pytest.approx(batch.imported[0, -1] - batch.exported[0, -1])
     assert (np.diff(batch.imported[0]) >= 0).all() and (np.diff(batch.exported[0]) >= 0).all()
+
+
+@settings(max_examples=6, deadline=None)
+@given(
+    power=st.sampled_from([1.0, -1.0]),
+    mode=st.sampled_from(["synchronous", "fixed"]),
+    gaps=st.lists(st.tuples(st.integers(4_000, 7_000), st.integers(1, 3_000)), min_size=1, max_size=12),
+)
+@example(power=1.0, mode="synchronous", gaps=[(4_010 + 17 * k, 1_203 + 40 * k) for k in range(12)])
+def test_gaps_export_nothing_that_an_inductive_load_has_not_exported(power, mode, gaps):
+    """Less than a cycle before or after a gap: reactive power swings, and its energy may have the other sign."""
+    mains = make_mains(50.02, seconds=7, phases=1, lag=np.arccos(0.6) if power > 0 else np.pi - np.arccos(0.6))
+    meter, batches, at = Meter(StreamFormat(mains.rate, mains.scale), mode=mode), [], 0
+    measured = 0
+    for length, lost in [*gaps, (3_000, 0)]:
+        codes = mains.codes[at : at + length]
+        batches.append(meter.feed(SampleBlock(codes, at, at * 50_000)))
+        whole = len(codes) if lost else (at + len(codes)) // 800 * 800 - at  # the last window is not complete
+        measured += int((codes[:whole, 0].astype(np.int64) * codes[:whole, 1]).sum())
+        at += length + lost
+    imported, exported = (np.concatenate([getattr(b, name)[0] for b in batches]) for name in ("imported", "exported"))
+    assert (np.diff(power * (imported - exported)) >= 0).all()
+    assert not (exported if power > 0 else imported).any()
+    total = measured * EnergyRegister.kwh_per_count(*mains.scale[:2], 20_000.0)
+    assert imported[-1] - exported[-1] == pytest.approx(total, rel=1e-12)
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    windows=st.lists(
+        st.tuples(st.integers(-1000, 1000), st.sampled_from([None, 5.0, -5.0, math.nan])), min_size=1, max_size=20
+    ),
+    integers=st.booleans(),
+)
+def test_parts_of_windows_against_the_direction_are_added_with_the_next_window(windows, integers):
+    """`None`: a whole window. In sum nothing is lost, and a state goes on as the register itself."""
+    register, restored = (EnergyRegister([1.0], integers=integers) for _ in range(2))
+    for counts, power in [*windows, (1, None)]:
+        restored.restore(register.state())
+        before = register.reading()[0]
+        for one in (register, restored):
+            one.add_window([float(counts)]) if power is None else one.add_part([float(counts)], [power])
+        assert restored.state() == register.state()
+        imported, exported = register.reading()[0]
+        assert imported >= before[0] and exported >= before[1]
+        if power is not None and not math.isnan(power):
+            assert (imported - exported - before[0] + before[1]) * power >= 0
+    imported, exported = register.reading()[0]
+    assert imported - exported == 1 + sum(counts for counts, _ in windows)
 
 
 def test_energy_goes_on_from_its_last_reading():

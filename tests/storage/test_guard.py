@@ -28,7 +28,7 @@ def test_a_file_that_was_moved_away_takes_no_row_and_is_used_again_when_it_is_ba
     assert not path.exists(), "no empty file takes its place"
     away.rename(path)
     writer.write([message(row(1))])
-    assert count(open_database(str(path))) == 2 and not writer.guard.recall
+    assert count(open_database(str(path))) == 2 and not writer.guard.restored
 
 
 def test_a_backup_that_was_put_back_gets_the_rows_that_it_lacks(tmp_path):
@@ -49,9 +49,9 @@ def test_a_backup_that_was_put_back_gets_the_rows_that_it_lacks(tmp_path):
             break
         except DatabaseAwayError as error:
             assert "replaced" in error.reason and attempt < 2
-    assert writer.guard.recall == 1 and count(open_database(str(path))) == 2
+    assert writer.guard.restored == 1 and count(open_database(str(path))) == 2
     writer.write([message(row(10))])
-    assert writer.guard.recall == 1
+    assert writer.guard.restored == 1
 
 
 def test_another_database_and_an_empty_one_are_named_and_take_no_row(database):
@@ -67,6 +67,18 @@ def test_another_database_and_an_empty_one_are_named_and_take_no_row(database):
     with pytest.raises(DatabaseAwayError, match="its tables are gone"):
         writer.write([message(row(1))])
     assert count(engine) == 1
+
+
+def test_daemons_send_again_what_a_new_database_lacks_once(database):
+    """A server failed over to an empty replica, and the sink was restarted to make tables there."""
+    first = Writer(open_database(database))
+    first.write([message(row(0))])
+    first.write([message(row(1))])
+    assert first.guard.recall == 1 and not first.guard.restored
+    for client_id in ("acqd-sink", "another of a group"):
+        again = Writer(open_database(database), client_id=client_id)
+        again.write([message(row(2))])
+        assert not again.guard.recall
 
 
 def test_a_command_makes_no_tables_in_an_empty_replica(postgres):

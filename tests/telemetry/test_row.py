@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from acqd.metering import Meter, SampleBlock, StreamFormat
-from acqd.telemetry.row import CHANNELS, PowerRow, parse_row, rows_of
+from acqd.telemetry.row import CHANNELS, PowerRow, parse_each, parse_row, rows_of
 from tests.mains import make_mains
 from tests.telemetry.rows import some_rows
 
@@ -98,6 +98,24 @@ def test_deep_nesting_and_absurd_numbers_are_refused():
     ):
         with pytest.raises(ValueError):
             parse_row(bad)
+
+
+_good = PowerRow("d", "L1", "b", 1, "2021-07-13T08:15:30.123456Z", 5, *[1.5] * 7, []).to_json()
+_payload = st.binary(max_size=20) | st.sampled_from(
+    [_good, _good + _good, _good[:40], _good[40:], _good.replace(b"Z", b""), _good.replace(b"15:30", b"15:31"),
+     _good.replace(b'"b"', b'"\\u0000"'), _good.replace(b'"b"', b'"u0000"'), _good[:-1] + b',"x":"\\', b'u0000"}']
+)  # fmt: skip
+
+
+@given(st.lists(_payload, max_size=8))
+def test_rows_parsed_together_are_those_parsed_one_by_one(payloads):
+    """What is wrong with one changes nothing for the next one, and halves of two are no whole."""
+    for payload, together in zip(payloads, parse_each(payloads), strict=True):
+        try:
+            alone: PowerRow | ValueError = parse_row(payload)
+        except ValueError as error:
+            alone = error
+        assert str(together) == str(alone) and type(together) is type(alone)
 
 
 @given(st.binary(max_size=60))

@@ -11,6 +11,7 @@ from typing import Any
 
 import orjson
 
+from acqd.errors import UserError
 from acqd.telemetry.row import CHANNELS, PowerRow
 from acqd.timestamps import filetime, rfc3339
 from tools.studies.faults.bed import DEVICE, Bed
@@ -18,6 +19,7 @@ from tools.studies.faults.fault import Fault
 from tools.studies.faults.messages import publish
 
 _WINDOW_NS = 40_000_000
+_FIRST_ROW_S = 60.0
 _BURST_DEVICES, _BURST_WINDOWS = 10, 75
 """Ten times the daemon's rate, for 3 s."""
 _HOSTILE: list[dict[str, Any]] = [
@@ -117,10 +119,17 @@ def _burst_row(device: str, channel: Any, boot: str, k: int, begin_ns: int) -> P
 
 
 def _newest(bed: Bed) -> dict[str, Any]:
-    with bed.tape.open("rb") as file:
-        file.seek(max(0, bed.taped() - 4096))
-        row: dict[str, Any] = orjson.loads(file.read().split(b"\n")[-2])
-    return row
+    """The last row of the tape; on a busy computer the first one takes its time. Raises UserError."""
+    deadline = time.monotonic() + _FIRST_ROW_S
+    while time.monotonic() < deadline:
+        with bed.tape.open("rb") as file:
+            file.seek(max(0, bed.taped() - 4096))
+            *whole, _ = file.read().split(b"\n")
+        if whole:
+            row: dict[str, Any] = orjson.loads(whole[-1])
+            return row
+        time.sleep(0.1)
+    raise UserError(f"faults: no row within {_FIRST_ROW_S:g} s; see {bed.tape.parent}")
 
 
 def _text(row: dict[str, Any]) -> bytes:

@@ -19,6 +19,8 @@ from acqd.errors import OperationError
 
 _NEW_MOUNTS = 0x0002_0000  # CLONE_NEWNS
 _BLOCK = 4096
+_RELEASED_S = 120.0
+"""How long killed processes may keep files open: those of a database end one after another."""
 _SHUTDOWN, _WITHOUT_JOURNAL = 0x8004587D, 2
 """EXT4_IOC_SHUTDOWN with EXT4_GOING_FLAGS_NOLOGFLUSH (fs/ext4/ext4.h)."""
 
@@ -80,7 +82,7 @@ class SmallDisk:
 
     def mount_again(self) -> None:
         """After a cut, once no process has a file open there: the journal on the image is replayed."""
-        deadline = time.monotonic() + 20
+        deadline = time.monotonic() + _RELEASED_S
         while True:
             try:
                 _run("umount", str(self._folder))

@@ -39,7 +39,8 @@ from tools.studies.faults.process import Process
 from tools.studies.faults.servers import ACQD, broker, postgres
 
 _AT_RISK_S = 1.0
-_PATIENCE_S = 60.0
+_PATIENCE_S = 240.0
+"""A busy computer may take a minute to start a process again."""
 
 
 @dataclass(slots=True)
@@ -150,7 +151,7 @@ class _Chain:
     def _restart(self) -> None:
         cut = [self._daemon] if self._kind == "daemon" else [self._sink, *([self._server] if self._server else [])]
         for process in cut:
-            process.kill()
+            process.lose_power()
         self._engine.dispose()
         self._disk.mount_again()
         if self._kind == "daemon":

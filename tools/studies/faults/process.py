@@ -51,6 +51,13 @@ class Process:
         if self.running is not None:
             self.running.wait()
 
+    def lose_power(self) -> None:
+        """SIGKILL for the process and its children at once: those of a database may wait for one another for ever."""
+        for child in self._children():
+            with suppress(ProcessLookupError):
+                os.kill(child, signal.SIGKILL)
+        self.kill()
+
     def stop(self, number: signal.Signals = signal.SIGTERM) -> None:
         """Ask for the end; kill what does not end."""
         self.send(signal.SIGCONT)
@@ -69,12 +76,16 @@ class Process:
 
     def child(self, word: bytes) -> int | None:
         """Pid of the child whose command line holds `word`."""
-        if self.running is None:
-            return None
-        with suppress(OSError):
-            pids = Path(f"/proc/{self.running.pid}/task/{self.running.pid}/children").read_text().split()
-            for pid in pids:
-                with suppress(OSError):
-                    if word in Path(f"/proc/{pid}/cmdline").read_bytes():
-                        return int(pid)
+        for pid in self._children():
+            with suppress(OSError):
+                if word in Path(f"/proc/{pid}/cmdline").read_bytes():
+                    return pid
         return None
+
+    def _children(self) -> list[int]:
+        if self.running is None or self.running.poll() is not None:
+            return []
+        pid = self.running.pid
+        with suppress(OSError):
+            return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+        return []
