@@ -38,13 +38,13 @@ def result(world, number, random):
 
 @pytest.fixture(scope="module")
 def out(tmp_path_factory):
-    """Two families of plants with 40 cases each, a pair, and a case that the loop refused."""
+    """Two families of plants with 80 cases each, a pair, and a case that the loop refused."""
     folder = tmp_path_factory.mktemp("study")
     random = np.random.default_rng(2)
     for world in ("axes6-short-seed1", "axes7-full-seed2"):
         results = folder / world / "base" / "results"
         results.mkdir(parents=True)
-        for number in range(40):
+        for number in range(80):
             (results / f"case-{number}.json").write_text(json.dumps(result(world, number, random)))
     pair = result(world, 0, random) | {"truth": [{"id": "payload"}, {"id": "spring"}]}
     (results / "pair.json").write_text(json.dumps(pair))
@@ -64,17 +64,17 @@ def test_right_labels():
 
 
 def test_only_single_causes_that_the_loop_judged_are_read(out):
-    assert len(list(read(out, "base"))) == 80
+    assert len(list(read(out, "base"))) == 160
 
 
 def test_a_calibration_holds_on_the_family_that_it_has_not_seen(out, tmp_path, capsys, monkeypatch):
     told = run(out, capsys, monkeypatch, "--calibrate", tmp_path / "calibration.json")
     other = told["figures"]["calibrated on other families"]
-    assert other["all"]["cases"] == 80 and other["axes6-short"]["cases"] == 40
+    assert other["all"]["cases"] == 160 and other["axes6-short"]["cases"] == 80
     assert other["all"]["coverage"] > 0.9 and other["all"]["size"] < 2.5
     assert other["all"]["probability_known"] > 0.6
     calibration = Calibration.from_json(json.loads((tmp_path / "calibration.json").read_text()))
-    assert calibration.cases == {"effect": 40, OUTSIDE: 20, NOTHING: 20} and "80 simulated" in calibration.source
+    assert calibration.cases == {"effect": 80, OUTSIDE: 40, NOTHING: 40} and "160 simulated" in calibration.source
 
 
 def test_a_folder_without_results_is_named(tmp_path, capsys, monkeypatch):

@@ -24,6 +24,7 @@ import orjson
 
 from acqd.arrays import Floats
 from acqd.discrepancy.selection.standing import LAW, Standing
+from acqd.models.effects import library
 
 OUTSIDE, NOTHING = "outside the library", "nothing"
 CLASSES = ("effect", OUTSIDE, NOTHING)
@@ -48,11 +49,12 @@ class Scale:
 
     def probabilities(self, standing: Standing) -> dict[str, float]:
         """Of every label, the likeliest first; they sum to 1."""
-        behind = {name: standing.behind(name, self.chance, self.columns) for name in standing.evidence}
+        behind = standing.behind(self.chance, self.columns)
         logits = {name: -each for name, each in behind.items() if name != LAW}
         if LAW in behind:
             logits[OUTSIDE] = self.outside[0] - self.outside[1] * behind[LAW]
         logits[NOTHING] = self.nothing[0] - self.nothing[1] * standing.above_nothing
+        logits = dict.fromkeys(library(), -np.inf) | logits  # an effect that does not act may be hidden
         values = np.array(list(logits.values()))
         shares = np.exp(values - values.max())
         shares = (1 - self.misled) * shares / shares.sum() + self.misled / len(shares)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -28,7 +29,7 @@ class Contender:
     """Id of an effect that would draw the same power, and the probability that it is there instead."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Standing:
     """Evidence of every kind of hypothesis, and what the two strongest leave to the others."""
 
@@ -49,25 +50,33 @@ class Standing:
         twins = {own.id: own.twin for own in contenders if own.twin is not None}
         return cls({own.id: own.evidence for own in contenders}, moved, above_nothing, twins)
 
-    def behind(self, own: str, chance: float, share: float = 1.0) -> float:
+    @cached_property
+    def _rivals(self) -> tuple[Floats, Floats]:
+        """[hypotheses, rivals] evidence that a rival is ahead, -inf for none, and what may be moved between the two."""
+        names = list(self.evidence)
+        firsts = [_first(self.evidence, law=False), _first(self.evidence, law=True)]
+        ahead, moved = np.full((len(names), len(names)), -np.inf), np.zeros((len(names), len(names)))
+        for k, own in enumerate(names):
+            for j, rival in enumerate(names):
+                if own != rival and (own in firsts or rival in firsts):  # the others are behind one of the two
+                    ahead[k, j] = self.evidence[rival] - self.evidence[own]
+                    moved[k, j] = (
+                        self.moved[own][firsts.index(rival)]
+                        if rival in firsts
+                        else self.moved[rival][firsts.index(own)]
+                    )
+        return ahead, moved
+
+    def behind(self, chance: float, share: float = 1.0) -> dict[str, float]:
         """Evidence that the strongest rival is ahead, over what chance and wrong columns may move; negative: a lead.
 
         `chance`: evidence; `share`: of what wrong columns could move at most.
         """
-        mine = self.evidence[own]
-        firsts = (_first(self.evidence, law=False), _first(self.evidence, law=True))
-        found = []
-        for rival, evidence in self.evidence.items():
-            if rival == own:
-                continue
-            if rival in firsts:
-                moved = self.moved[own][firsts.index(rival)]
-            elif own in firsts:
-                moved = self.moved[rival][firsts.index(own)]
-            else:
-                continue  # one of the two strongest is farther ahead
-            found.append((evidence - mine) / (chance + share * moved))
-        return max(found, default=-mine / chance)
+        if len(self.evidence) == 1:
+            return {name: -evidence / chance for name, evidence in self.evidence.items()}
+        ahead, moved = self._rivals
+        found = (ahead / (chance + share * moved)).max(axis=1, initial=-np.inf)
+        return dict(zip(self.evidence, found.tolist(), strict=True))
 
     def as_json(self) -> dict[str, Any]:
         """For report.json."""
