@@ -21,10 +21,7 @@ def write_page(path: Path, found: Found, steps: Sequence[Stage]) -> None:
     page.heading("Stages")
     page.table(["stage", "state", "what there is, or what to do"], [[s.name, s.state, s.says] for s in steps])
     page.heading("Lines to type")
-    for step in steps:
-        if step.commands:
-            page.text(f"{step.name}:")
-            page.table(["line"], [[command] for command in step.commands])
+    page.table(["stage", "line"], [[step.name, command] for step in steps for command in step.commands])
     if found.unread:
         page.heading("Files that were left out")
         page.table(["file"], [[each] for each in found.unread])

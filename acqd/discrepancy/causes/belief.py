@@ -4,8 +4,8 @@ A label is an effect of the library, something outside of the library, or nothin
 strongest rival, over what chance and wrong columns may move between the two, are logits; their scale was fitted once
 (`calibration.json`; Platt 1999, here for many classes).
 
-The set holds every label whose probability reaches a threshold of its class. With the k-th smallest probability that
-the true label of n calibration cases of its class had, k = floor(0.05 (n + 1)), the set misses the label of one more
+The set holds every label whose likelihood reaches a threshold of its class. With the k-th smallest likelihood that the
+true label of n calibration cases of its class had, k = floor(0.05 (n + 1)), the set misses the label of one more
 case of that class with a probability of at most 5 % (class-conditional split conformal prediction: Vovk, Lindsay,
 Nouretdinov and Gammerman 2003; these sets are the smallest on average: Sadinle, Lei and Wasserman 2019). The theorem
 asks that the case is exchangeable with those of the calibration: plants of another kind may be missed more often.
@@ -47,27 +47,36 @@ class Scale:
     misled: float
     """Share of cases whose evidence says nothing of the cause: shared by all labels alike."""
 
-    def probabilities(self, standing: Standing) -> dict[str, float]:
-        """Of every label, the likeliest first; they sum to 1."""
+    def likelihoods(self, standing: Standing) -> dict[str, float]:
+        """Shares of all labels if the evidence never misled: what orders them; they sum to 1."""
         behind = standing.behind(self.chance, self.columns)
-        logits = {name: -each for name, each in behind.items() if name != LAW}
+        # an effect that does not act, or that was searched for in vain, has no evidence
+        logits = dict.fromkeys(library(), -max(standing.evidence.values(), default=0.0) / self.chance)
+        logits |= {name: -each for name, each in behind.items() if name != LAW}
         if LAW in behind:
             logits[OUTSIDE] = self.outside[0] - self.outside[1] * behind[LAW]
         logits[NOTHING] = self.nothing[0] - self.nothing[1] * standing.above_nothing
-        logits = dict.fromkeys(library(), -np.inf) | logits  # an effect that does not act may be hidden
         values = np.array(list(logits.values()))
         shares = np.exp(values - values.max())
-        shares = (1 - self.misled) * shares / shares.sum() + self.misled / len(shares)
-        found = dict(zip(logits, shares.tolist(), strict=True))
+        found = dict(zip(logits, (shares / shares.sum()).tolist(), strict=True))
         for name, (other, share) in standing.twins.items():
-            found[other] = found.get(other, 0.0) + share * found[name]
+            found[other] += share * found[name]
             found[name] *= 1 - share
-        return dict(sorted(found.items(), key=lambda pair: -pair[1]))
+        return found
+
+    def probabilities(self, standing: Standing) -> dict[str, float]:
+        """Of every label, the likeliest first; they sum to 1."""
+        found = self.likelihoods(standing)
+        shared = self.misled / len(found)
+        return {
+            label: (1 - self.misled) * share + shared
+            for label, share in sorted(found.items(), key=lambda pair: -pair[1])
+        }
 
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """A scale, and the least probability of a member of the set, by class."""
+    """A scale, and the least likelihood of a member of the set, by class."""
 
     scale: Scale
     least: Mapping[str, float]
@@ -81,7 +90,7 @@ class Calibration:
         """`cases`: standings, and the labels that are true (several, where names mean the same)."""
         reached: dict[str, list[float]] = {name: [] for name in CLASSES}
         for standing, true in cases:
-            shares = scale.probabilities(standing)
+            shares = scale.likelihoods(standing)
             best = max(true, key=lambda label: shares.get(label, 0.0))
             reached[class_of(best)].append(shares.get(best, 0.0))
         least = {name: _threshold(np.array(values)) for name, values in reached.items()}
@@ -89,8 +98,8 @@ class Calibration:
 
     def believed(self, standing: Standing) -> Belief:
         """Probabilities and set."""
-        shares = self.scale.probabilities(standing)
-        members = [label for label, share in shares.items() if share >= self.least[class_of(label)]]
+        shares, likely = self.scale.probabilities(standing), self.scale.likelihoods(standing)
+        members = [label for label in shares if likely[label] >= self.least[class_of(label)]]
         return Belief(shares, tuple(members) or tuple(shares)[:1])
 
     def as_json(self) -> dict[str, Any]:

@@ -38,7 +38,10 @@ def left_out(rows: Sequence[Row]) -> list[Belief]:
 
 
 def figures(rows: Sequence[Row], beliefs: Sequence[Belief]) -> dict[str, float]:
-    """Coverage and size of sets, and the figures of the fault-isolation competition of 2025."""
+    """Coverage and size of sets, and what competitions of fault isolation ask: detected, false alarms, probabilities.
+
+    A change is detected where "nothing" is no member of the set.
+    """
     pairs = list(zip(rows, beliefs, strict=True))
     faults = [(row, belief) for row, belief in pairs if NOTHING not in row.true]
     clean = [belief for row, belief in pairs if NOTHING in row.true]
@@ -51,8 +54,8 @@ def figures(rows: Sequence[Row], beliefs: Sequence[Belief]) -> dict[str, float]:
         "coverage_unknown": _mean([OUTSIDE in belief.members for _, belief in unknown]),
         "coverage_nothing": _mean([NOTHING in belief.members for belief in clean]),
         "size": _mean([len(belief.members) for belief in beliefs]),
-        "detected": _mean([belief.probabilities[NOTHING] < 0.5 for _, belief in faults]),
-        "false_alarms": _mean([belief.probabilities[NOTHING] < 0.5 for belief in clean]),
+        "detected": _mean([NOTHING not in belief.members for _, belief in faults]),
+        "false_alarms": _mean([NOTHING not in belief.members for belief in clean]),
         "probability_known": _mean([_right(belief.probabilities, row) for row, belief in known]),
         "probability_unknown": _mean([_right(belief.probabilities, row) for row, belief in unknown]),
         "log_loss": _mean([-np.log(max(_right(belief.probabilities, row), 1e-9)) for row, belief in pairs]),
