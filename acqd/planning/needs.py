@@ -138,11 +138,9 @@ class _Arithmetic:
         in_rows = self.rate + self.quality * m["quality_message"] / m["row_packet"]
         broker = self._robots_of("broker", "broker_cpu", in_rows)
         sink = self._robots_of("sink", "sink_cpu", in_rows)
-        busy_s = (
-            _DAY_S
-            * 1e-6
-            * (self.rate * (2 * m["rollup_time"] + m["deletion_time"]) + self.quality * m["deletion_time"])
-        )  # a day, and the one before for late rows
+        # the nightly run rolls up a day, and for late rows the one before
+        row_us = self.rate * (2 * m["rollup_time"] + m["deletion_time"]) + self.quality * m["deletion_time"]
+        busy_s = _DAY_S * row_us / 1e6
         night = int(_NIGHT_S // busy_s)
         if night < 1:
             raise UserError(f"the nightly run takes {busy_s / 3_600:.3g} h for one robot: fewer --rows-per-second")
@@ -188,9 +186,9 @@ class _Arithmetic:
         yield from self._kept("largest cell", robots)
         part = "all together"
         rows = demand.robots * (self.rate + self.quality)
-        why = f"{demand.channels} channels, {demand.rows_per_second:g} rows/s each"
+        why = f"{demand.channels} channels of {demand.rows_per_second:g} rows/s"
         if self.quality:
-            why += f"; power quality: {self.quality:.3g} a robot"
+            why += f", power quality {self.quality:.3g} rows/s"
         yield Need(part, "rows", rows, "rows/s", why)
         yield Need(
             part,
