@@ -23,7 +23,7 @@ def plan(
     robots: Annotated[int, typer.Argument(metavar="N", help="Robots, each with a box of its own.")],
     channels: Annotated[int, typer.Option(help="Of a box: three phases and their total are 4.")] = 4,
     rows_per_second: Annotated[float, typer.Option(help="Of a channel; 25 at 50 Hz.")] = 25.0,
-    quality: Annotated[str, typer.Option(help="[quality] interval: 10/12, 150/180, 10min; or off.")] = "off",
+    quality: Annotated[str, typer.Option(help="Interval of power quality: 10/12, 150/180, 10min; or off.")] = "off",
     archive: Annotated[float, typer.Option(help="Days of all samples on the PC's disk; 0: none.")] = 0.0,
     days: Annotated[
         float | None, typer.Option(help="Days that rows are kept; default: what --disk holds, else 30.")

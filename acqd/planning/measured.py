@@ -28,8 +28,9 @@ class Quantity:
     """Name of the figure, as the command prints it."""
     command: str
     when: str
-    """Day, or name of the file of figures."""
+    """Day of the run, or of the file of figures."""
     machine: str
+    """What it ran on, or the name of the file of figures."""
 
 
 Measured = Mapping[str, Quantity]
