@@ -39,6 +39,7 @@ class _Command:
 _SET_UP, _MEASURE, _COUNT = "set up", "measure", "count"
 _RECORD, _MODEL, _EXPLAIN, _HAND_ON = "record", "model", "explain", "hand on"
 _COMMANDS = (
+    _Command("plan", _SET_UP, "what N robots need"),
     _Command("config", _SET_UP, "acqd.toml: check, diff", group=True),
     _Command("service", _SET_UP, "install, update, backup", group=True),
     _Command("doctor", _SET_UP, "is this computer fit?"),
@@ -46,7 +47,6 @@ _COMMANDS = (
     _Command("ethercat", _SET_UP, "terminals on the wire", group=True),
     _Command("modbus", _SET_UP, "meters on a bus", group=True),
     _Command("broker", _SET_UP, "a broker to try out"),
-    _Command("conformance", _SET_UP, "limits of the standards"),
     _Command("run", _MEASURE, "the daemon, or a demo"),
     _Command("watch", _MEASURE, "live values here"),
     _Command("web", _MEASURE, "live page in a browser"),
@@ -54,6 +54,7 @@ _COMMANDS = (
     _Command("replay", _MEASURE, "a recorded waveform"),
     _Command("capture", _MEASURE, "the newest samples"),
     _Command("archive", _MEASURE, "samples kept: export", group=True),
+    _Command("conformance", _MEASURE, "limits of the standards"),
     _Command("sink", _COUNT, "rows from MQTT into SQL", group=True),
     _Command("energy", _COUNT, "kWh, cost and causes", group=True, room="energy.app"),
     _Command("save", _COUNT, "motion that uses less"),

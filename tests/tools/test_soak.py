@@ -8,7 +8,6 @@ import pytest
 
 from tools.studies.soak.budgets import figures, theil_sen
 from tools.studies.soak.listener import out_of_order
-from tools.studies.soak.paper import extrapolated
 from tools.studies.soak.usage import Sample, Usage, usage
 
 
@@ -54,26 +53,3 @@ def test_usage_of_this_process():
     now = usage(os.getpid())
     assert now is not None and now.rss > 1 << 20 and now.descriptors > 2 and now.threads >= 1
     assert usage(2**22 + 1) is None
-
-
-MEASURED = {
-    "stored": 5000.0, "CPU of sinks": 20.0, "CPU of mosquitto": 10.0, "CPU of PostgreSQL": 25.0,
-    "a row as a packet of MQTT": 250.0, "a row in PostgreSQL's log": 300.0,
-    "a row in PostgreSQL, with its indices": 200.0, "roll-ups (acqd sink maintain), time per row": 5.0,
-    "deletion, time per row": 2.0,
-}  # fmt: skip
-
-
-def test_a_plan_on_paper_is_proportional_to_the_load():
-    plan = {figure.name: figure.value for figure in extrapolated(MEASURED, 10_000, 30.0, 0.5)}
-    assert plan["rows"] == 1_000_000 and plan["sinks"] == 80 and plan["devices for each of the sinks"] == 125
-    assert plan["cores for PostgreSQL"] == 100 and plan["network into the brokers"] == pytest.approx(2.0)
-    assert plan["tables, 30 days"] == pytest.approx(30 * 86_400 * 200e-6)
-    assert plan["devices, with 4 h for the nightly run"] == 138
-    less = {figure.name: figure.value for figure in extrapolated(MEASURED, 10, 30.0, 0.5)}
-    assert less["sinks"] == less["cores for PostgreSQL"] == 1
-
-
-def test_a_plan_needs_every_figure():
-    with pytest.raises(KeyError):
-        extrapolated({"stored": 5000.0}, 10, 30.0, 0.5)

@@ -8,16 +8,24 @@ from collections.abc import Callable, Iterator
 
 import sqlalchemy as sa
 
+from acqd.metering import SampleBlock
+from acqd.metering.quality.meter import QualityMeter
 from acqd.storage.database import open_database
+from acqd.storage.keyed_rows import insert
 from acqd.storage.maintain import Retention, maintain
-from acqd.storage.schema import power
-from tools.bench.load_run import BEGIN_S, DEVICES, WINDOW_S, packets, run_load
+from acqd.storage.schema import power, power_quality
+from acqd.telemetry.quality_row import quality_rows
+from tools.bench.load_run import BEGIN_S, DEVICES, WINDOW_S, cpu_s, packets, run_load
 from tools.bench.report import Figure
+from tools.bench.waves import hard_mains
 from tools.common.servers import postgres
 
 _STEADY_S, _ROWS_AT_ONCE = 30.0, 200_000
 _SLOW_S, _ROWS_SLOWLY = 0.2, 60_000
-_SIZE = "SELECT pg_total_relation_size('power')"
+_SIZE = "SELECT pg_total_relation_size('{table}')"
+_COUNT = "SELECT count(*) FROM {table}"
+_QUALITY_S, _BOOTS = 12.0, 10
+"""Seconds of power quality, and how often they are stored."""
 _LOG = "SELECT pg_wal_lsn_diff(pg_current_wal_lsn(), '0/0')"
 
 
@@ -47,7 +55,12 @@ def steady(seconds: float) -> Iterator[Figure]:
         yield Figure(section, "stored", run.rate, "rows/s")
         for name, percent in run.cpu.items():
             yield Figure(section, f"CPU of {name}", percent, "% of a core", "<= 100" if name == "sinks" else "")
-        yield Figure(section, "a row in PostgreSQL, with its indices", _number(engine, _SIZE) / sent, "bytes")
+        yield Figure(
+            section,
+            "a row in PostgreSQL, with its indices",
+            _number(engine, _SIZE.format(table="power")) / sent,
+            "bytes",
+        )
         yield Figure(section, "a row in PostgreSQL's log", (_number(engine, _LOG) - log) / sent, "bytes")
         yield Figure(section, "a row as a packet of MQTT", len(next(packets("steady", 0))), "bytes")
         with engine.begin() as connection:
@@ -57,10 +70,37 @@ def steady(seconds: float) -> Iterator[Figure]:
             "deletion": lambda: _delete_all(engine),
         }
         for name, run_once in work.items():
-            begun = time.monotonic()
+            begun, before = time.monotonic(), _processor_s()
             run_once()
             yield Figure(section, f"{name}, time per row", 1e6 * (time.monotonic() - begun) / sent, "us")
+            yield Figure(section, f"{name}, CPU time per row", 1e6 * (_processor_s() - before) / sent, "us")
+        yield from _other_rows(engine, section)
         engine.dispose()
+
+
+def _other_rows(engine: sa.Engine, section: str) -> Iterator[Figure]:
+    """Sizes of roll-ups that are made, and of rows of power quality (10-cycle values of three phases, simulated)."""
+    wave = hard_mains(50.02, 3, _QUALITY_S)
+    values = list(QualityMeter(wave.form).feed(SampleBlock(wave.codes, 0, BEGIN_S * 10**9)))
+    with engine.begin() as connection:
+        for boot in range(_BOOTS):
+            made = [row for k, one in enumerate(values) for row in quality_rows(one, "d0", str(boot), k)]
+            rows = [row for row in made if row.aggregation == "10/12"]
+            insert(connection, power_quality, rows)
+    yield Figure(
+        section, "a row of power quality as a message", sum(len(row.to_json()) for row in rows) / len(rows), "bytes"
+    )
+    for name, table in {
+        "a row of power quality": "power_quality", "a one-minute roll-up": "power_1min",
+        "a quarter-hour roll-up": "power_15min",
+    }.items():  # fmt: skip
+        size = _number(engine, _SIZE.format(table=table)) / _number(engine, _COUNT.format(table=table))
+        yield Figure(section, f"{name} in PostgreSQL, with its index", size, "bytes")
+
+
+def _processor_s() -> float:
+    """CPU time of this process and of PostgreSQL so far: other work of the computer does not count [s]."""
+    return time.process_time() + cpu_s()["PostgreSQL"]
 
 
 def _delete_all(engine: sa.Engine) -> None:

@@ -62,13 +62,13 @@ def run_load(url: str, boot: str, sinks: int, windows: int, every_s: float) -> L
         sender.start()
         while not _stored(asked):
             time.sleep(0.01)
-        begun, before, stored = time.monotonic(), _cpu(), 0
+        begun, before, stored = time.monotonic(), cpu_s(), 0
         changed = begun
         while stored < sent and time.monotonic() - changed < 20:
             time.sleep(0.05)
             if (now := _stored(asked)) > stored:
                 stored, changed = now, time.monotonic()
-        elapsed, after = changed - begun, _cpu()
+        elapsed, after = changed - begun, cpu_s()
         counted.set()
         sender.join()
     cpu = {name: 100 * (after[name] - before[name]) / elapsed for name in after}
@@ -145,7 +145,7 @@ def _in_database(url: str, boot: str) -> int:
     return int(count or 0)
 
 
-def _cpu() -> dict[str, float]:
+def cpu_s() -> dict[str, float]:
     """CPU time of the programs that this process has started [s]."""
     spent = {"sinks": 0.0, "PostgreSQL": 0.0, "mosquitto": 0.0, "the sender": 0.0}
     for process in psutil.Process().children(recursive=True):
