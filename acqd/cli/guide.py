@@ -7,6 +7,7 @@ from typing import Annotated
 
 import orjson
 import typer
+from rich.markup import escape
 
 from acqd.cli.options import Json
 from acqd.cli.terminal import terminal
@@ -40,7 +41,7 @@ def guide(
         return
     console = terminal()
     for step in steps:
-        console.print(f"{_SIGNS[step.state]}  {step.name}: {step.says}", markup=True)
+        console.print(f"{_SIGNS[step.state]}  {step.name}: {escape(step.says)}", markup=True)
         for command in step.commands if step.state == "now" else ():
             console.print(f"         {command}", markup=False)
     for path in found.unread:

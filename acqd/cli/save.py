@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -80,12 +81,9 @@ def save(
 
 def _longer(text: str) -> tuple[float, float | None]:
     """Share by which the cycle may last longer, or a cycle time in s."""
-    number, unit = text.rstrip("%s "), text.strip()[-1:]
-    try:
-        value = float(number)
-    except ValueError:
-        unit = ""
-    if unit == "%" and 0 <= value <= 200:
+    found = re.fullmatch(r"\s*(\d+\.?\d*|\.\d+)\s*([%s])\s*", text)
+    value, unit = (float(found[1]), found[2]) if found else (0.0, "")
+    if unit == "%" and value <= 200:
         return value / 100, None
     if unit == "s" and value > 0:
         return 0.0, value

@@ -47,7 +47,11 @@ class Loop:
     """A closing report."""
 
     path: Path
-    asked: dict[str, Any]
+    dataset: str
+    """Folder of the recordings in question, as the loop was told."""
+    further: tuple[str, ...]
+    """Datasets of later sessions."""
+    model: str
     verdict: str
     names: tuple[str, ...]
     causes: str
@@ -93,10 +97,16 @@ def found_in(folder: Path) -> Found:
         "report.json": lambda path, content: found.loops.append(_loop(path, content)),
         "next.json": lambda path, content: found.programs.append(_program(path, content)),
     }
-    for path in sorted(_files(folder, set(readers)), key=lambda each: each.stat().st_mtime_ns):
+    read: list[tuple[int, Path, Any]] = []
+    for path in sorted(_files(folder, set(readers))):
         try:
-            readers[path.name](path.parent, orjson.loads(path.read_bytes()))
-        except (OSError, ValueError, KeyError, TypeError, AttributeError):
+            read.append((path.stat().st_mtime_ns, path, orjson.loads(path.read_bytes())))
+        except (OSError, ValueError):
+            found.unread.append(str(path))
+    for _, path, content in sorted(read, key=lambda each: each[0]):
+        try:
+            readers[path.name](path.parent, content)
+        except (ValueError, KeyError, TypeError, AttributeError):
             found.unread.append(str(path))
     found.datasets.sort(key=lambda each: each.start_ns)
     return found
@@ -131,10 +141,11 @@ def _model(path: Path, bundle: dict[str, Any]) -> Model:
 
 
 def _loop(path: Path, report: dict[str, Any]) -> Loop:
-    effects, causes = report["effects"], report.get("causes")
+    effects, causes, asked = report["effects"], report.get("causes"), report["asked"]
     told = {each["id"] for each in report["ability"]["effects"] if each["smallest"]}
     return Loop(
-        path, dict(report["asked"]), str(report["verdict"]), tuple(f"{e['id']} ({e['where']})" for e in effects),
+        path, str(asked["dataset"]), tuple(map(str, asked["with"])), str(asked["model"]), str(report["verdict"]),
+        tuple(f"{e['id']} ({e['where']})" for e in effects),
         causes["text"] if causes else "", leaves_open(report),
         any(each["added"] for each in effects) or bool(report["correction"]), len(told),
     )  # fmt: skip

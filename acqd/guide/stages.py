@@ -46,10 +46,14 @@ class _Work:
         model = trained[-1] if trained else None
         reference = _named(found, model.dataset) if model is not None else None
         reference = reference or (found.datasets[0] if found.datasets else None)
-        others = [each for each in found.datasets if reference is None or each.path != reference.path]
-        later = {name for loop in found.loops for name in loop.asked.get("with", [])}
-        asked = next((each for each in reversed(others) if each.path.name not in {Path(n).name for n in later}), None)
-        loops = [each for each in found.loops if asked and Path(each.asked["dataset"]).name == asked.path.name]
+        further = {Path(name).name for loop in found.loops for name in loop.further}
+        others = [
+            each for each in found.datasets
+            if reference is not None and each.robot == reference.robot and each.start_ns != reference.start_ns
+            and each.path.name not in further
+        ]  # fmt: skip
+        asked = others[-1] if others else None
+        loops = [each for each in found.loops if asked and Path(each.dataset).name == asked.path.name]
         return cls(reference, model, asked, loops[-1] if loops else None)
 
 
@@ -132,7 +136,7 @@ def _answer(found: Found, work: _Work) -> Stage:
     program = next((each for each in reversed(found.programs) if Path(each.report).name == work.loop.path.name), None)
     if program is None:
         return Stage(name, "now", f"{says}; let acqd design the motion that decides", (f"acqd next {report}",))
-    again = f"acqd close-loop {_path(work.asked.path)} --model {_path(Path(work.loop.asked['model']))} --with ds2"
+    again = f"acqd close-loop {_path(work.asked.path)} --model {_path(Path(work.loop.model))} --with ds2"
     build = "acqd dataset build --power acqd.sqlite --logs logs --robot ROBOT --out ds2"
     do = f"check and run the program of {program.minutes:.1f} min in {_path(program.path)}, and close the loop again"
     return Stage(name, "now", f"{says}; {do}", (build, again))

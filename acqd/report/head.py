@@ -68,7 +68,11 @@ def _of_json(path: Path, text: bytes) -> Head:
         told: dict[str, Any] = json.loads(text)
         said = told.pop("verdict")
         figures = [KeyFigure(**each) for each in said.pop("figures")]
-        return Head(**told, verdict=Verdict(**said, figures=figures))
+        head = Head(**told, verdict=Verdict(**said, figures=figures))
+        words = (head.title, head.kind, head.subject, head.written, head.by, head.verdict.headline)
+        if head.verdict.tone not in get_args(Tone) or not all(isinstance(each, str) for each in words):
+            raise ValueError("not the words of a page")
+        return head
     except (ValueError, TypeError, KeyError, AttributeError):
         raise InputError(path, "has a head that this version of acqd does not read") from None
 

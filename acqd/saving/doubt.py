@@ -11,7 +11,7 @@ error of the difference has two parts (ADR 63).
   by how much the speeds differ (`Cycle.unlike_s`).
 
 The width is then scaled so that 90 % of the differences between similar held-out blocks of different recordings lie
-within (split conformal prediction; Lei et al. 2018).
+within: a scale, and no conformal guarantee, because the factors are fitted to the same blocks.
 """
 
 from __future__ import annotations

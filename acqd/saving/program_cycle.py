@@ -15,6 +15,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from acqd.arrays import Floats
+from acqd.errors import UserError
 from acqd.motion.chain import Chain, Move, plan_chain
 from acqd.motion.controller import RATE, BrakeSettings, Controller, Motion, Step, SwitchTool, Wait
 from acqd.motion.program_file import Program
@@ -82,6 +83,8 @@ class ChainTiming(Timing):
         slowest = 1.0
         while late(slowest) < 0 and slowest < _SLOWEST:
             slowest *= 1.5
+        if late(slowest) < -_EXACT:
+            raise UserError(f"a motion of {seconds:.2f} s is more than {_SLOWEST:g} times slower than the program's")
         slower = brentq(late, 1.0, slowest, xtol=_EXACT) if late(1.0) < 0 < late(slowest) else 1.0
         return speed / slower, acceleration / slower**2
 

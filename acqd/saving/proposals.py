@@ -23,6 +23,10 @@ from acqd.saving.time_law import Bounds
 Verdict = Literal["saves", "unprovable", "uses more", "no interval"]
 Progress = Callable[[str, float], None]
 TOGETHER = "best together"
+_NUMERICAL = 1e-3
+"""Of the energy of a cycle: what interpolation to 1 kHz and smoothing of rests change, and nobody would act on."""
+_LONGEST = 10.0
+"""Cycle times, of the old one, that are looked at."""
 _PARETO = (0.85, 0.9, 0.95, 1.0, 1.05, 1.1, 1.2, 1.35, 1.5)
 """Cycle times of the picture, as shares of the old one."""
 
@@ -166,6 +170,8 @@ def savings(subject: Subject, asked: Asked, progress: Progress) -> Savings:
     if ordered is not None:
         also["another order of points"] = ordered, Change(cycle.laws[-1])
     other_s = asked.seconds if asked.seconds is not None else (1 + asked.longer) * cycle.seconds
+    if other_s > _LONGEST * cycle.seconds:
+        raise UserError(f"--longer: a cycle of {other_s:.0f} s is more than {_LONGEST:g} times {cycle.seconds:.1f} s")
     equal, best = maker.block(laws | also, together, cycle.seconds)
     other, _ = maker.block({"plain uniform slowing": (cycle, Change(UNIFORM))} | laws, together, other_s)
     if asked.seconds is not None and not other.proposals:
@@ -264,7 +270,12 @@ class _Maker:
         durations = cycle.durations(change, total_s)
         motion, program = cycle.timed(change, durations)
         use = self._use(motion)
-        half = self._half(instead.use, use, cycle.unlike_s(change, durations))
+        waiting_s = max(
+            total_s - cycle.seconds, 0.0
+        )  # of the motion as it is, in a posture that the cycle may not have
+        half = self._half(instead.use, use, cycle.unlike_s(change, durations) + at_rest(waiting_s))
+        if half is not None:
+            half = max(half, _NUMERICAL * instead.use.energy)
         return Proposal(name, motion, program, use, instead.use.energy - use.energy, half, change.brakes_after)
 
     def _use(self, motion: Motion) -> Use:

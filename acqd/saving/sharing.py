@@ -16,6 +16,8 @@ from acqd.errors import UserError
 
 _NEVER_S = 1e5
 """A pause may last as long as this."""
+_EXACT_S = 1e-3
+"""A row of motion: what is missing of a duration below that is rounding."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,7 +57,7 @@ class Curve:
 def shared(curves: Sequence[Curve], total_s: float, besides_s: float = 0.0) -> list[float]:
     """The duration of every piece, s, for a given sum; `besides_s`: what else belongs to the cycle.
 
-    Raises UserError where the pieces cannot be so fast.
+    Raises UserError where the pieces cannot be so fast, or so slow.
     """
     durations = [float(curve.seconds[0]) for curve in curves]
     left = total_s - sum(durations)
@@ -77,4 +79,7 @@ def shared(curves: Sequence[Curve], total_s: float, besides_s: float = 0.0) -> l
         left -= taken
         if left <= 0:
             break
+    if left > _EXACT_S:
+        longest_s = total_s - left + besides_s
+        raise UserError(f"a cycle of {total_s + besides_s:.2f} s cannot be reached: the longest is {longest_s:.2f} s")
     return durations

@@ -16,10 +16,11 @@ def headline(found: Savings) -> str:
     if found.best is None:
         return f"No change of timing saves energy beyond the model's error: {cycle}"
     block, best = found.best
+    known = "" if best.half is not None else " by the model, whose error is unknown"
     share = percent(best.saving / block.instead.use.energy)
     if block is found.equal:
-        return f"{share} less at equal cycle time: {cycle}"
-    return f"{share} less than {block.instead.name} in {duration(block.seconds)}: {cycle}"
+        return f"{share} less at equal cycle time{known}: {cycle}"
+    return f"{share} less than {block.instead.name} in {duration(block.seconds)}{known}: {cycle}"
 
 
 def joules(energy: float) -> str:

@@ -92,13 +92,31 @@ def test_a_repaired_model_is_not_the_one_to_start_from(tmp_path):
     assert now(tmp_path).commands == (f"acqd close-loop {tmp_path}/ds2 --model {tmp_path}/ds0.models/a",)
 
 
+def test_recordings_of_another_robot_and_copies_are_not_in_question(tmp_path):
+    dataset(tmp_path, "ds0", 100), model(tmp_path, "ds0.models/a")
+    dataset(tmp_path, "copy of ds0", 100), dataset(tmp_path, "kuka", 200)
+    manifest = json.loads((tmp_path / "kuka" / "manifest.json").read_text())
+    write(tmp_path / "kuka" / "manifest.json", manifest | {"robot": "iiwa7_r800"})
+    assert now(tmp_path).name == "can it be told?"
+
+
 def test_a_broken_file_is_named_and_hides_nothing(tmp_path):
     dataset(tmp_path, "ds0", 100)
     (tmp_path / "ds1").mkdir()
     (tmp_path / "ds1" / "manifest.json").write_text("{")
     write(tmp_path / "other" / "report.json", [1])
+    (tmp_path / "gone").mkdir()
+    (tmp_path / "gone" / "manifest.json").symlink_to(tmp_path / "nowhere")
+    model(tmp_path, "ds0.models/b")
+    report(tmp_path, 0.9)
+    content = json.loads((tmp_path / "ds1.loop" / "report.json").read_text())
+    write(tmp_path / "old.loop" / "report.json", content | {"asked": {"with": None}})
+    (tmp_path / "ds1.loop" / "report.json").unlink()
+    (tmp_path / "ds1.loop" / "model" / "bundle.json").unlink()
+    (tmp_path / "ds0.models" / "b" / "bundle.json").unlink()
     found = found_in(tmp_path)
-    assert len(found.datasets) == 1 and {Path(each).parent.name for each in found.unread} == {"ds1", "other"}
+    assert {Path(each).parent.name for each in found.unread} == {"ds1", "other", "gone", "old.loop"}
+    assert len(found.datasets) == 1
     write_page(tmp_path / "way.html", found, stages(found))
     page = (tmp_path / "way.html").read_text()
     assert "Next: model" in page and "ds1/manifest.json" in page and "simulated" in page

@@ -68,6 +68,8 @@ def test_reports_lists_every_page_and_names_what_it_cannot_read(three, tmp_path)
     (tmp_path / "cut.html").write_text(three[0].read_text()[:-200])
     marked = '<script type="application/json" id="page">'
     (tmp_path / "newer.html").write_text(three[0].read_text().replace(marked, f'{marked}{{"x":1}}</script><i>', 1))
+    tone = three[0].read_text().replace('"tone": "', '"tone": "un', 1)
+    (tmp_path / "tone.html").write_text(tone)
     (tmp_path / "gone.html").symlink_to(tmp_path / "nothing")
     old = re.sub(f"{marked}.*?</script>", "", three[1].read_text(), count=1)
     (tmp_path / "old.html").write_text(old.replace("<!--pages--><!--/pages-->", ""))
@@ -87,6 +89,7 @@ def test_reports_lists_every_page_and_names_what_it_cannot_read(three, tmp_path)
     assert {name: reason.split(":")[0] for name, reason in reasons.items()} == {
         "foreign.html": "is no page of acqd", "empty.html": "is no page of acqd", "binary.html": "is no page of acqd",
         "cut.html": "is cut off", "newer.html": "has a head that this version of acqd does not read",
+        "tone.html": "has a head that this version of acqd does not read",
         "gone.html": "cannot be read (No such file or directory)",
     }  # fmt: skip
     text = (tmp_path / "reports.html").read_text()

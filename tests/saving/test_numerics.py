@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import approx_fprime
 
+from acqd.cli.save import _longer
 from acqd.errors import UserError
 from acqd.models.greybox.model import GreyBox
 from acqd.motion.chain import Move
@@ -162,6 +163,23 @@ def test_a_long_wait_with_a_stretched_arm_moves_to_where_holding_is_easier(model
         far = np.abs(new.q[::50, None] - motion.q[None, ::20]).max(axis=2).min(axis=1)
         assert far.max() < 0.02  # along the path
     assert easier_rests(pieces_of(Program(HOME, steps[::2]).motion(ROBOT)), meter, 0.5) is None
+
+
+def test_time_that_no_piece_can_take_is_refused():
+    """A program with its waits as they are cannot last for ever, and seconds are not dropped without a word."""
+    curves = [
+        Curve(np.array([2.0, 5.0]), np.array([9.0, 4.0]), np.arange(2)),
+        Curve(np.array([1.0]), np.zeros(1), np.zeros(1, int)),
+    ]
+    assert sum(shared(curves, 5.5)) == pytest.approx(5.5)
+    with pytest.raises(UserError, match=r"8\.00 s cannot be reached: the longest is 7\.00 s"):
+        shared(curves, 7.0, 1.0)
+
+
+@pytest.mark.parametrize("text", ["infs", "nan%", "10%s", "1e6s", "300%", "0s", ""])
+def test_a_longer_cycle_is_percent_or_seconds(text):
+    with pytest.raises(UserError, match="expected percent up to 200"):
+        _longer(text)
 
 
 def test_points_in_a_bad_order_are_visited_on_the_shortest_round(model):

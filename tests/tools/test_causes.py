@@ -67,9 +67,9 @@ def test_only_single_causes_that_the_loop_judged_are_read(out):
     assert len(list(read(out, "base"))) == 160
 
 
-def test_a_calibration_holds_on_the_family_that_it_has_not_seen(out, tmp_path, capsys, monkeypatch):
+def test_a_calibration_holds_on_the_plant_that_it_has_not_seen(out, tmp_path, capsys, monkeypatch):
     told = run(out, capsys, monkeypatch, "--calibrate", tmp_path / "calibration.json")
-    other = told["figures"]["calibrated on other families"]
+    other = told["figures"]["calibrated on other plants"]
     assert other["all"]["cases"] == 160 and other["axes6-short"]["cases"] == 80
     assert other["all"]["coverage"] > 0.9 and other["all"]["size"] < 2.5
     assert other["all"]["probability_known"] > 0.6

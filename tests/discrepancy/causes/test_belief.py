@@ -97,8 +97,8 @@ def test_the_shipped_calibration_says_what_it_rests_on():
     calibration = shipped()
     assert Calibration.from_json(calibration.as_json()) == calibration
     assert all(calibration.cases[name] >= 1 / MISSED - 1 for name in CLASSES)
-    assert "simulated" in calibration.source
+    assert "simulated" in calibration.source and sum(calibration.cases.values()) > 100
     clear = calibration.believed(standing({"payload": 900.0, "gravity_bias": 200.0, LAW: 100.0}, 50.0))
-    assert clear.members == ("payload",)
+    assert clear.members[0] == "payload" and clear.probabilities["payload"] > 0.85 and len(clear.members) <= 2
     silent = calibration.believed(standing(dict.fromkeys(library(), 0.5) | {LAW: 0.5}, -0.2))
     assert silent.members[0] == NOTHING

@@ -4,7 +4,7 @@
     python -m tools.studies.causes OUT --calibrate acqd/discrepancy/causes/calibration.json
 
 OUT are folders of the foreign study (`python -m tools.studies.foreign OUT`). Two tables: with the calibration that
-acqd ships, and, for every family of plants, with one that was fitted to the other families. `--calibrate FILE` fits
+acqd ships, and, for every plant, with one that was fitted to the other plants. `--calibrate FILE` fits
 to all cases in OUT and writes the file.
 """
 
@@ -49,7 +49,7 @@ def main() -> None:
         given.calibrate.write_bytes(orjson.dumps(calibration.as_json(), option=orjson.OPT_INDENT_2) + b"\n")
     beliefs = {
         "as shipped": [shipped().believed(row.standing) for row in rows],
-        "calibrated on other families": left_out(rows) if len({row.family for row in rows}) > 1 else [],
+        "calibrated on other plants": left_out(rows) if len({row.world for row in rows}) > 1 else [],
     }
     found = {name: _by_group(rows, each) for name, each in beliefs.items() if each}
     sure = {name: reliability(rows, each) for name, each in beliefs.items() if each}

@@ -31,10 +31,10 @@ def calibrated(rows: Sequence[Row], source: str) -> Calibration:
 
 
 def left_out(rows: Sequence[Row]) -> list[Belief]:
-    """Beliefs by calibrations on the other families of plants."""
-    families = {row.family for row in rows}
-    by_family = {name: calibrated([row for row in rows if row.family != name], "") for name in families}
-    return [by_family[row.family].believed(row.standing) for row in rows]
+    """Beliefs by calibrations on the other plants: what a plant that nobody has seen may expect."""
+    worlds = {row.world for row in rows}
+    by_world = {name: calibrated([row for row in rows if row.world != name], "") for name in worlds}
+    return [by_world[row.world].believed(row.standing) for row in rows]
 
 
 def figures(rows: Sequence[Row], beliefs: Sequence[Belief]) -> dict[str, float]:
