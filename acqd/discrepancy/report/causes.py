@@ -6,6 +6,7 @@ from typing import Any
 
 from acqd.discrepancy.causes.belief import MISSED, NOTHING, OUTSIDE, Belief, shipped
 from acqd.discrepancy.closed import Closed
+from acqd.models.effects import library
 from acqd.report.digits import percent
 
 _SHOWN = 4
@@ -14,9 +15,11 @@ _LEAST = 0.01
 
 
 def believed(closed: Closed) -> Belief | None:
-    """Of the largest cause; None where nothing acts, or without a reference: the calibration had one."""
+    """Of the largest cause; None where nothing acts, and without what the calibration had: a reference, all effects."""
     standing = closed.selection.standing
-    return None if standing is None or not closed.subject.reference else shipped().believed(standing)
+    if standing is None or not closed.subject.reference or closed.subject.chosen != frozenset(library()):
+        return None
+    return shipped().believed(standing)
 
 
 def sentence(belief: Belief) -> str:

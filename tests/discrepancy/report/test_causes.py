@@ -1,0 +1,43 @@
+"""The set of causes as a report says it."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import pytest
+
+from acqd.discrepancy.causes.belief import NOTHING, OUTSIDE, Belief
+from acqd.discrepancy.report import causes
+from acqd.discrepancy.selection.standing import LAW, Standing
+from acqd.models.effects import library
+
+EVIDENCE = {"payload": 600.0, "gravity_bias": 590.0, LAW: 20.0}
+STANDING = Standing(EVIDENCE, dict.fromkeys(EVIDENCE, (0.0, 0.0)), 500.0, {})
+
+
+def closed(standing=STANDING, reference=("recording",), chosen=None):
+    subject = SimpleNamespace(reference=list(reference), chosen=frozenset(chosen or library()))
+    return SimpleNamespace(selection=SimpleNamespace(standing=standing), subject=subject)
+
+
+def test_a_report_holds_the_set_its_words_and_what_it_rests_on():
+    told = causes.as_json(closed())
+    assert told["set"][:2] == ["payload", "gravity_bias"] and told["holds"] == pytest.approx(0.95)
+    assert told["probabilities"]["payload"] > told["probabilities"]["gravity_bias"] > 0.05
+    assert "payload" in told["text"] and "simulated" in told["calibrated_on"]
+    assert Standing.from_json(told["scores"]) == STANDING
+
+
+@pytest.mark.parametrize("other", [{"standing": None}, {"reference": ()}, {"chosen": ["payload"]}])
+def test_there_is_no_set_where_the_calibration_says_nothing(other):
+    assert causes.believed(closed(**other)) is None and causes.as_json(closed(**other)) is None
+
+
+def test_words():
+    alone = Belief({"payload": 0.97, NOTHING: 0.03}, ("payload",))
+    assert causes.sentence(alone) == "the largest cause, right in 95 % of such cases: payload (97 %)"
+    many = Belief({OUTSIDE: 0.4, NOTHING: 0.3} | dict.fromkeys(list(library())[:5], 0.06), ("x",))
+    many = Belief(many.probabilities, tuple(many.probabilities))
+    assert causes.sentence(many).endswith("and 3 more") and "something outside the library (40 %)" in causes.sentence(
+        many
+    )
