@@ -269,7 +269,7 @@ def test_rows_that_were_forged_in_advance_cost_no_genuine_row(mosquitto, tmp_pat
     The sink's receipts for them reach the daemon while its own rows still wait.
     """
     engine = open_database(str(tmp_path / "a.sqlite"))
-    monkeypatch.setattr("acqd.telemetry.delivery._WITHOUT_RECEIPT", 64)  # the backlog leaves in portions
+    monkeypatch.setattr("acqd.telemetry.receipt_watch.AHEAD", 64)  # the backlog leaves in portions
 
     async def scenario():
         daemon = Daemon(tmp_path, mosquitto.port)
