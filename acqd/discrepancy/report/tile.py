@@ -25,6 +25,8 @@ _TONES: dict[str, Tone] = {
 }  # fmt: skip
 _SHOWN_EFFECTS = 3
 _MOST_CAUSES = 3
+_WORTH_A_LOOK = 0.01
+"""Less likely members of the set are in the report only."""
 _EITHER = re.compile(r"(\w+) \(or (\w+)\)")
 
 
@@ -136,8 +138,9 @@ def _causes(closed: Closed) -> list[KeyFigure]:
     belief = causes.believed(closed)
     if belief is None or len(belief.members) > _MOST_CAUSES:
         return []
-    note = ", ".join(percent(belief.probabilities[label]) for label in belief.members)
-    return [KeyFigure("largest cause", " or ".join(map(causes.name_of, belief.members)), f"{note}; calibrated")]
+    likely = [label for label in belief.members if belief.probabilities[label] >= _WORTH_A_LOOK] or belief.members[:1]
+    note = ", ".join(percent(belief.probabilities[label]) for label in likely)
+    return [KeyFigure("largest cause", " or ".join(map(causes.name_of, likely)), f"{note}; calibrated, see below")]
 
 
 def _costs(closed: Closed, duty: Duty) -> list[KeyFigure]:
