@@ -3,31 +3,54 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import minimize
+from scipy.optimize import minimize, minimize_scalar
 from scipy.special import expit
 
 from acqd.arrays import Floats
 from acqd.discrepancy.causes.belief import NOTHING, OUTSIDE, Belief, Calibration, Scale
 from tools.studies.causes.standings import Row
 
-_STARTS = ((1.0, -1.0, 0.0, 0.0, 2.0, -2.0, -3.0), (2.0, -2.0, 1.0, 0.5, 3.0, -1.0, -3.0))
+_START = (2.0, -2.0, 1.0, 0.5, 3.0, -1.0, -3.0)
 """Logarithms of slopes, offsets, and the logit of the share of misled cases."""
 _RIDGE = 1e-3
 """Keeps slopes finite where classes are separable."""
 
 
 def calibrated(rows: Sequence[Row], source: str) -> Calibration:
-    """By maximum likelihood. The shares of the classes in the study are the prior."""
+    """By maximum likelihood; the share of misled cases on plants that a scale has not seen.
 
+    The shares of the classes in the study are the prior.
+    """
+    scale = _fitted(rows)
+    worlds = sorted({row.world for row in rows})
+    if len(worlds) > 1:
+        others = {name: _fitted([row for row in rows if row.world != name]) for name in worlds}
+        scale = replace(scale, misled=_misled(rows, [others[row.world] for row in rows]))
+    return Calibration.of(scale, ((row.standing, row.true) for row in rows), source)
+
+
+def _misled(rows: Sequence[Row], scales: Sequence[Scale]) -> float:
+    """The likeliest share of cases whose evidence says nothing of the cause."""
+    likelihoods = [scale.likelihoods(row.standing) for row, scale in zip(rows, scales, strict=True)]
+    right = np.array([_right(each, row) for each, row in zip(likelihoods, rows, strict=True)])
+    blind = np.array([len(row.true) / len(each) for each, row in zip(likelihoods, rows, strict=True)])
+
+    def loss(share: float) -> float:
+        return float(-np.log((1 - share) * right + share * blind).mean())
+
+    return float(minimize_scalar(loss, bounds=(1e-3, 1 - 1e-3), method="bounded").x)
+
+
+def _fitted(rows: Sequence[Row]) -> Scale:
     def loss(parameters: Floats) -> float:
         scale = _scale(parameters)
         reached = [_right(scale.probabilities(row.standing), row) for row in rows]
         return float(-np.log(np.maximum(reached, 1e-9)).mean() + _RIDGE * (parameters**2).sum())
 
-    best = min((minimize(loss, start, method="L-BFGS-B") for start in _STARTS), key=lambda found: float(found.fun))
-    return Calibration.of(_scale(best.x), ((row.standing, row.true) for row in rows), source)
+    return _scale(minimize(loss, _START, method="L-BFGS-B").x)
 
 
 def left_out(rows: Sequence[Row]) -> list[Belief]:
