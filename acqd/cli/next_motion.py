@@ -9,10 +9,9 @@ import orjson
 import typer
 from rich.table import Table
 
-from acqd.cli.options import Json
+from acqd.cli.options import Corners, Json, box_of
 from acqd.cli.progress import progress
 from acqd.cli.terminal import terminal
-from acqd.errors import UserError
 from acqd.extras import LOOP, require
 
 
@@ -24,7 +23,7 @@ def next_motion(
         typer.Option(help="Compare this effect; may be repeated (default: what the report leaves open)."),
     ] = None,
     workspace: Annotated[
-        tuple[float, float, float, float, float, float] | None,
+        Corners | None,
         typer.Option(metavar="X Y Z X Y Z", help="Two corners of a box that the flange stays in, m."),
     ] = None,
     scene: Annotated[str, typer.Option(help="Obstacles: a shipped scene, or a TOML file with boxes.")] = "free",
@@ -48,13 +47,7 @@ def next_motion(
     from acqd.experiment.page import headline, steps, table
     from acqd.experiment.written import require_writable, write_all
 
-    box = (
-        None
-        if workspace is None
-        else (*map(min, workspace[:3], workspace[3:]), *map(max, workspace[:3], workspace[3:]))
-    )
-    if box is not None and any(box[k] == box[k + 3] for k in range(3)):
-        raise UserError("--workspace: two corners with different x, y and z, in m in the frame of the base")
+    box = box_of(workspace)
     folder = out or default_folder(report, "next")
     require_writable(folder)
     console = terminal(stderr=True)

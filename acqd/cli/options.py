@@ -72,3 +72,16 @@ def configured(
 def broker_address(path: Path | None, host: str | None, port: int | None, service: Service = "daemon") -> BrokerAddress:
     """How to reach the broker."""
     return configured(path, host, port, service).mqtt.address()
+
+
+Corners = tuple[float, float, float, float, float, float]
+
+
+def box_of(corners: Corners | None) -> Corners | None:
+    """Lower and upper corner of a workspace from two corners in any order, m. Raises UserError for a flat box."""
+    if corners is None:
+        return None
+    first, second = corners[:3], corners[3:]
+    if any(a == b for a, b in zip(first, second, strict=True)):
+        raise UserError("--workspace: two corners with different x, y and z, in m in the frame of the base")
+    return (*map(min, first, second), *map(max, first, second))  # type: ignore[return-value]

@@ -10,7 +10,7 @@ import orjson
 import typer
 from rich.table import Table
 
-from acqd.cli.options import Json
+from acqd.cli.options import Corners, Json, box_of
 from acqd.cli.progress import progress
 from acqd.cli.terminal import terminal
 from acqd.errors import UserError
@@ -28,7 +28,7 @@ def save(
         str, typer.Option(help="Longer cycle time that is allowed: percent (10%) or the cycle time itself (65s).")
     ] = "10%",
     workspace: Annotated[
-        tuple[float, float, float, float, float, float] | None,
+        Corners | None,
         typer.Option(metavar="X Y Z X Y Z", help="Two corners of a box that the flange stays in, m."),
     ] = None,
     scene: Annotated[str, typer.Option(help="Obstacles: a shipped scene, or a TOML file with boxes.")] = "free",
@@ -64,7 +64,7 @@ def save(
     from acqd.saving.written import require_writable, write_all
 
     share, seconds = _longer(longer)
-    box, speed = _box(workspace), limit_speed / 100
+    box, speed = box_of(workspace), limit_speed / 100
     asked = Asked(share, seconds, scene, box, speed, brakes_after, least_rest, keep_waits, payload, free_order, robot)
     folder = out or default_folder(work, "save")
     require_writable(folder)
@@ -88,15 +88,6 @@ def _longer(text: str) -> tuple[float, float | None]:
     if unit == "s" and value > 0:
         return 0.0, value
     raise UserError(f"--longer {text}: expected percent up to 200, such as 10%, or a cycle time, such as 65s")
-
-
-def _box(corners: tuple[float, float, float, float, float, float] | None) -> tuple[float, ...] | None:
-    if corners is None:
-        return None
-    box = (*map(min, corners[:3], corners[3:]), *map(max, corners[:3], corners[3:]))
-    if any(box[k] == box[k + 3] for k in range(3)):
-        raise UserError("--workspace: two corners with different x, y and z, in m in the frame of the base")
-    return box
 
 
 def _print(found: Savings, folder: Path) -> None:

@@ -47,6 +47,7 @@ def trial(
     Example: acqd try --seed 2
     """
     require("acqd try", LOOP, "lab,loop")
+    from acqd.atomic import write_complete
     from acqd.lab.trial.hidden import drawn
 
     folder = out or Path(f"acqd-try-{seed}")
@@ -55,7 +56,7 @@ def trial(
     circle = Circle(Steps(folder, console), _ROBOT)
     hidden = drawn(seed)
     circle.steps.claim(_CLAIM, {"seed": seed, "robot": _ROBOT}, "trial")
-    (folder / _SETTINGS).write_text(_settings(hidden), encoding="utf-8")
+    write_complete(folder / _SETTINGS, _settings(hidden).encode())
     before = (*_BEFORE, "--seed", _ROBOT_SEED)
     after = (*_AFTER, "--seed", _SESSION + seed, "--robot-seed", _ROBOT_SEED, "--settings", folder / _SETTINGS)
     report = circle.close(before, after)

@@ -10,8 +10,8 @@ from acqd.models.effects import library
 from acqd.report.digits import percent
 
 _SHOWN = 4
-_LEAST = 0.01
-"""Less likely labels are not listed in report.json."""
+LEAST = 0.01
+"""Less likely labels are neither on the tile nor in the probabilities of report.json."""
 
 
 def believed(closed: Closed) -> Belief | None:
@@ -26,10 +26,10 @@ def sentence(belief: Belief) -> str:
     """The set, the likeliest first."""
     members = [f"{name_of(label)} ({percent(belief.probabilities[label])})" for label in belief.members]
     if len(members) == 1:
-        return f"the largest cause, right in {percent(1 - MISSED)} of such cases: {members[0]}"
+        return f"the largest cause, right in {percent(1 - MISSED)} of simulated cases: {members[0]}"
     more = len(members) - _SHOWN
     listed = ", ".join(members[:_SHOWN]) + (f" and {more} more" if more > 0 else "")
-    return f"the largest cause is one of these in {percent(1 - MISSED)} of such cases: {listed}"
+    return f"the largest cause is one of these in {percent(1 - MISSED)} of simulated cases: {listed}"
 
 
 def as_json(closed: Closed) -> dict[str, Any] | None:
@@ -41,7 +41,7 @@ def as_json(closed: Closed) -> dict[str, Any] | None:
         "set": list(belief.members),
         "holds": 1 - MISSED,
         "text": sentence(belief),
-        "probabilities": {label: share for label, share in belief.probabilities.items() if share >= _LEAST},
+        "probabilities": {label: share for label, share in belief.probabilities.items() if share >= LEAST},
         "calibrated_on": shipped().source,
         "scores": standing.as_json(),
     }

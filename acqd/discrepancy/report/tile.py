@@ -25,8 +25,6 @@ _TONES: dict[str, Tone] = {
 }  # fmt: skip
 _SHOWN_EFFECTS = 3
 _MOST_CAUSES = 3
-_WORTH_A_LOOK = 0.01
-"""Less likely members of the set are in the report only."""
 _EITHER = re.compile(r"(\w+) \(or (\w+)\)")
 
 
@@ -138,9 +136,10 @@ def _causes(closed: Closed) -> list[KeyFigure]:
     belief = causes.believed(closed)
     if belief is None or len(belief.members) > _MOST_CAUSES:
         return []
-    likely = [label for label in belief.members if belief.probabilities[label] >= _WORTH_A_LOOK] or belief.members[:1]
-    note = ", ".join(percent(belief.probabilities[label]) for label in likely)
-    return [KeyFigure("largest cause", " or ".join(map(causes.name_of, likely)), f"{note}; calibrated, see below")]
+    likely = [label for label in belief.members if belief.probabilities[label] >= causes.LEAST] or belief.members[:1]
+    shares = ", ".join(percent(belief.probabilities[label]) for label in likely)
+    names = " or ".join(map(causes.name_of, likely))
+    return [KeyFigure("largest cause", names, f"{shares}; calibrated on simulated plants")]
 
 
 def _costs(closed: Closed, duty: Duty) -> list[KeyFigure]:

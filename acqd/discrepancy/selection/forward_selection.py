@@ -301,7 +301,7 @@ class _Step:
         everywhere = self.state.gates[0].open
         power = white_power(design, finding, everywhere)
         if not finding.candidate.detected:
-            counts = [len(range(*part.own.indices(part.own.stop))) for part in design.parts]
+            counts = [part.own.stop - part.own.start for part in design.parts]
             power = power * np.repeat(self.gate.open, np.array(counts) * (everywhere > 0))
         twin = finding.candidate.twin
         other = None if twin is None else (twin.id, twin.probability)

@@ -35,7 +35,7 @@ def test_there_is_no_set_where_the_calibration_says_nothing(other):
 
 def test_words():
     alone = Belief({"payload": 0.97, NOTHING: 0.03}, ("payload",))
-    assert causes.sentence(alone) == "the largest cause, right in 95 % of such cases: payload (97 %)"
+    assert causes.sentence(alone) == "the largest cause, right in 95 % of simulated cases: payload (97 %)"
     many = Belief({OUTSIDE: 0.4, NOTHING: 0.3} | dict.fromkeys(list(library())[:5], 0.06), ("x",))
     many = Belief(many.probabilities, tuple(many.probabilities))
     assert causes.sentence(many).endswith("and 3 more") and "something outside the library (40 %)" in causes.sentence(

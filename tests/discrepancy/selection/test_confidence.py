@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from acqd.discrepancy.regression.design_columns import Candidate
+from acqd.discrepancy.regression.design_columns import Candidate, Twin
 from acqd.discrepancy.selection import confidence as sure
 from acqd.discrepancy.selection.confidence import Confidence, confidence
 from acqd.discrepancy.selection.ranking import Finding
@@ -28,6 +28,22 @@ def test_a_tie_is_said_as_a_family(warm):
     found = confidence(warm, effect)
     assert "thermal_friction" in [name for name, _ in found.family] or effect.id == "thermal_friction"
     assert found.share < 0.85 < found.family_share <= 1 - THRESHOLDS.chance
+
+
+def test_an_effect_that_would_draw_the_same_power_shares_the_confidence(warm):
+    effect = warm.effects[0]
+    alone = confidence(warm, effect)
+    candidate = replace(effect.finding.candidate, twin=Twin("thermostat", "cabinet", 0.25))
+    found = confidence(warm, replace(effect, finding=replace(effect.finding, candidate=candidate)))
+    assert found.share == pytest.approx(0.75 * alone.share) and found.family_share == alone.family_share
+    assert found.family[0] == ("thermostat", "cabinet")
+    assert dict(found.rivals)["thermostat"] == pytest.approx(0.25 * alone.share)
+
+
+def test_the_first_step_says_how_every_hypothesis_stands(warm):
+    behind = warm.standing.behind(10.0)
+    assert min(behind, key=behind.get) in {"viscous_friction", "thermal_friction"} and max(behind.values()) > 0
+    assert warm.standing.above_nothing > 0
 
 
 def test_nothing_is_drawn_at_random(warm):
