@@ -10,7 +10,7 @@ from acqd.discrepancy.repair.terms import Reported, clock_term, reported
 from acqd.discrepancy.repair.torque_scale import torque_scale
 from acqd.discrepancy.selection.accepted import Selected, Selection, unnamed
 from acqd.discrepancy.selection.beyond_reference import only_beyond_reference
-from acqd.discrepancy.selection.forward_selection import without
+from acqd.discrepancy.selection.placing import without
 from acqd.discrepancy.thresholds import THRESHOLDS
 
 

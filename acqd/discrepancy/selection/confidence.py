@@ -16,8 +16,8 @@ from scipy.stats import t as student
 
 from acqd.arrays import Floats
 from acqd.discrepancy.selection.accepted import Selected, Selection, Unknown, unnamed
-from acqd.discrepancy.selection.forward_selection import without
 from acqd.discrepancy.selection.judging import best_of_each, kinds_of, left_by, margin, possible
+from acqd.discrepancy.selection.placing import without
 from acqd.discrepancy.selection.ranking import Finding, Rows, gains, ranked
 from acqd.discrepancy.selection.shape_fit import fit_shape
 from acqd.discrepancy.thresholds import THRESHOLDS

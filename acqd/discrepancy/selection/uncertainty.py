@@ -10,7 +10,7 @@ from scipy.stats import t as student
 
 from acqd.arrays import Floats
 from acqd.discrepancy.selection.accepted import Selected, Selection
-from acqd.discrepancy.selection.forward_selection import without
+from acqd.discrepancy.selection.placing import without
 from acqd.discrepancy.selection.shape_interval import Fit, Neighbours, fit_at
 from acqd.discrepancy.selection.switched_size import sizes_by_levels, switches
 from acqd.discrepancy.thresholds import THRESHOLDS

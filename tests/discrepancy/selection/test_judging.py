@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from acqd.discrepancy.selection import spread
-from acqd.discrepancy.selection.forward_selection import without
 from acqd.discrepancy.selection.judging import judged, kinds_of, left_by, margin
+from acqd.discrepancy.selection.placing import without
 from acqd.discrepancy.selection.ranking import ranked
 from acqd.discrepancy.selection.spread import learning_rate
 from acqd.discrepancy.thresholds import THRESHOLDS

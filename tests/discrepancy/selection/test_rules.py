@@ -9,9 +9,11 @@ import pytest
 from acqd.discrepancy.regression.design_columns import Candidate
 from acqd.discrepancy.regression.onset import Gate
 from acqd.discrepancy.selection import forward_selection as search
+from acqd.discrepancy.selection import step as step_module
 from acqd.discrepancy.selection.accepted import Hypothesis, Selected, Unknown
-from acqd.discrepancy.selection.forward_selection import Limits, _Doubt, _likeliest, _settled, _State, _Step
+from acqd.discrepancy.selection.forward_selection import Doubt, Limits, _settled
 from acqd.discrepancy.selection.ranking import Finding, Rows
+from acqd.discrepancy.selection.step import State, Step, _likeliest
 from acqd.models.effects.places import Place
 
 MARGIN = 30.0
@@ -48,16 +50,17 @@ class Regression:
 @pytest.fixture
 def state(monkeypatch):
     """Of two effects, with margins of 30."""
-    monkeypatch.setattr(search, "margin", lambda *_: MARGIN)
+    for module in (search, step_module):
+        monkeypatch.setattr(module, "margin", lambda *_: MARGIN)
     design = SimpleNamespace(witness=None, columns=SimpleNamespace(candidates=[]), blocks=None)
     rows = Rows(design, Regression(), 1.0)
-    return _State(rows, rows, (ALWAYS, LATER), 40, (effect("payload", 400.0), effect("copper_loss", 90.0)))
+    return State(rows, rows, (ALWAYS, LATER), 40, (effect("payload", 400.0), effect("copper_loss", 90.0)))
 
 
 @pytest.mark.parametrize(("later", "start"), [(199.0 + MARGIN, None), (201.0 + MARGIN, "r_2")])
 def test_an_onset_has_to_explain_more_by_the_margin(later, start, state, monkeypatch):
     evidence = {None: 200.0, "r_2": later}
-    monkeypatch.setattr(search, "ranked", lambda rows, gate, pool: [finding("payload", evidence[started(gate)])])
+    monkeypatch.setattr(step_module, "ranked", lambda rows, gate, pool: [finding("payload", evidence[started(gate)])])
     gate, (best, *_) = _likeliest(state.rows, state, [])
     assert gate.start == start and best.evidence == evidence[start]
 
@@ -68,10 +71,10 @@ def started(gate):
 
 @pytest.mark.parametrize(("law", "outdone"), [(499.0 + MARGIN, False), (501.0 + MARGIN, True)])
 def test_a_law_that_exceeds_the_leader_by_the_margin_is_a_doubt(law, outdone, state, monkeypatch):
-    monkeypatch.setattr(search, "judged", lambda rows, gate, found, *_: hypothesis(found))
+    monkeypatch.setattr(step_module, "judged", lambda rows, gate, found, *_: hypothesis(found))
     best = sorted([finding("payload", 500.0), finding("", law)], key=lambda each: -each.evidence)
     fits = {"payload": SimpleNamespace(rows=state.rows, finding=best[1])}
-    step = _Step._judged(state, state.rows, ALWAYS, best, fits, {}, {})
+    step = Step._judged(state, state.rows, ALWAYS, best, fits, {}, {})
     assert step.outdone is outdone and step.leader.id == "payload"
 
 
@@ -82,10 +85,10 @@ def test_names_have_to_explain_as_much_above_their_margins_as_the_law_in_their_p
 ):
     """The two names explain 490 less their margins of 60."""
     before = replace(state, effects=())
-    doubt = _Doubt(before, state.rows, Unknown(finding("", law + MARGIN), ALWAYS, MARGIN), passes, ())
+    doubt = Doubt(before, state.rows, Unknown(finding("", law + MARGIN), ALWAYS, MARGIN), passes, ())
     monkeypatch.setattr(search, "with_sessions", lambda _: state.rows)
     monkeypatch.setattr(search, "kinds_of", lambda *_: 40)
-    monkeypatch.setattr(search, "_grown", lambda *_: replace(state, doubts=(doubt,)))
+    monkeypatch.setattr(search, "_grown", lambda *_: (state, doubt))
     monkeypatch.setattr(search, "_settled", lambda grown: grown)
     setup = SimpleNamespace(gates=[ALWAYS], design=state.rows.design)
     selection = search.select(setup, Limits(max_effects=1), lambda _: None)

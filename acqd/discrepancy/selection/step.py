@@ -1,0 +1,222 @@
+"""One step of the search: what competes beside the selected effects, who leads, and which law explains more."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from acqd.discrepancy.regression.design_columns import Candidate
+from acqd.discrepancy.regression.onset import Gate
+from acqd.discrepancy.selection.accepted import Hypothesis, Selected, Unknown
+from acqd.discrepancy.selection.detectors.candidates import Detection, detect
+from acqd.discrepancy.selection.judging import best_of_each, judged, margin, white_power
+from acqd.discrepancy.selection.placing import placed, selected
+from acqd.discrepancy.selection.ranking import Finding, Rows, ranked
+from acqd.discrepancy.selection.shape_fit import ShapeFit
+from acqd.discrepancy.selection.standing import Contender, Standing
+from acqd.models.effects import library
+
+_TABLE = 6
+"""Hypotheses that are judged and shown."""
+_FITTED = 3
+"""Effects whose shapes are fitted before they are compared."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class State:
+    """What a search stands on."""
+
+    rows: Rows
+    base: Rows
+    """Without the selected effects; its regression only."""
+    gates: tuple[Gate, ...]
+    kinds: int
+    effects: tuple[Selected, ...] = ()
+    law: Unknown | None = None
+    """A law in the place of names."""
+    unknown: Unknown | None = None
+    table: tuple[Hypothesis, ...] = ()
+    standing: Standing | None = None
+    """Of the first step."""
+
+    @property
+    def known(self) -> list[Finding]:
+        """Findings that a later one is judged beside."""
+        return [each.finding for each in self.effects] + ([self.law.finding] if self.law is not None else [])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Step:
+    """One step: the table of hypotheses under the likeliest onset."""
+
+    state: State
+    rows: Rows
+    """With the columns of detections and fitted shapes."""
+    gate: Gate
+    table: tuple[Hypothesis, ...]
+    fits: dict[str, ShapeFit]
+    """By id of the effect."""
+    detections: dict[str, Detection]
+    leader: Hypothesis | None
+    """The effect to select."""
+    law: Hypothesis | None
+    """The unnamed alternative that explains most, if that is more than chance."""
+    outdone: bool
+    """Whether the law explains more than the leader by the margin."""
+    best: tuple[Finding, ...]
+    """Of every kind, the largest evidence first."""
+    beyond: float
+    """Evidence of the best hypothesis, at most what unchanged sessions leave of it."""
+
+    @classmethod
+    def of(cls, state: State) -> Step | None:
+        """None where no candidate acts."""
+        rows, detections, detected = _with_detections(state)
+        pool = [c for c in rows.design.columns.candidates if not _taken(c, state.effects)]
+        gate, findings = _likeliest(rows, state, pool)
+        findings += ranked(rows, state.gates[0].open, detected)
+        if not findings:
+            return None
+        best = best_of_each(findings)
+        fits: dict[str, ShapeFit] = {}
+        scanned = {each.candidate.id: each for each in best if each.candidate.id}
+        count = min(_FITTED, len(scanned))
+        while len(fits) < count or ((leading := _first_name(best)) is not None and leading.candidate.id not in fits):
+            finding = next(each for each in best if each.candidate.id and each.candidate.id not in fits)
+            name = finding.candidate.id
+            own = state.gates[0] if finding.candidate.detected else gate
+            fits[name] = placed(rows, own.open, finding, findings, state.kinds, detections.get(finding.candidate.key))
+            best = [fits[name].finding if each.candidate.id == name else each for each in best]
+            best.sort(key=lambda each: -each.evidence)
+        return cls._judged(state, rows, gate, best, fits, scanned, detections)
+
+    @classmethod
+    def _judged(
+        cls, state: State, rows: Rows, gate: Gate, best: list[Finding], fits: dict[str, ShapeFit],
+        scanned: dict[str, Finding], detections: dict[str, Detection],
+    ) -> Step:  # fmt: skip
+        def judge(finding: Finding, more: list[Finding]) -> Hypothesis:
+            fit = fits.get(finding.candidate.id)
+            where = state.gates[0] if finding.candidate.detected else gate
+            detection = detections.get(finding.candidate.key)
+            seen = rows if fit is None else fit.rows
+            return judged(
+                seen,
+                where.open,
+                finding,
+                [*state.known, *more],
+                state.kinds,
+                scanned.get(finding.candidate.id),
+                detection,
+            )
+
+        shown = [each for each in best[:_TABLE] if each.evidence > 0]
+        first = _first_name(best)
+        leader = None if first is None else judge(first, [])
+        law = next((judge(each, []) for each in best if not each.candidate.id), None)
+        beyond = max(min(each.finding.evidence, each.beyond_sessions) for each in (leader, law) if each is not None)
+        law = None if law is None or law.finding.evidence <= law.margin else law
+        outdone = False
+        if law is not None and leader is not None and first is not None:
+            fit = fits[first.candidate.id]
+            least = margin(fit.rows, gate.open, law.finding, [*state.known, first], state.kinds)
+            outdone = law.finding.evidence > first.evidence + least
+        table = tuple(_row(each, judge(each, []), first) for each in shown)
+        if leader is not None and leader.missing:
+            leader = None
+        return cls(state, rows, gate, table, fits, detections, leader, law, outdone, tuple(best), beyond)
+
+    def standing(self) -> Standing:
+        """Of every kind of hypothesis; of the laws, the best."""
+        law = next((each for each in self.best if not each.candidate.id), None)
+        kinds = [*(each for each in self.best if each.candidate.id), *([] if law is None else [law])]
+        return Standing.of([self._contender(each) for each in kinds], self.beyond)
+
+    def _contender(self, finding: Finding) -> Contender:
+        """With the power in every block in question, zero before an onset.
+
+        Of what was searched for in the residual, the evidence above what the same search gains in the reference counts.
+        """
+        fit = self.fits.get(finding.candidate.id)
+        design = (self.rows if fit is None else fit.rows).design
+        everywhere = self.state.gates[0].open
+        power = white_power(design, finding, everywhere)
+        if not finding.candidate.detected:
+            counts = [part.own.stop - part.own.start for part in design.parts]
+            power = power * np.repeat(self.gate.open, np.array(counts) * (everywhere > 0))
+        twin = finding.candidate.twin
+        other = None if twin is None else (twin.id, twin.probability)
+        detection = self.detections.get(finding.candidate.key)
+        usual = 0.0 if detection is None or detection.refinable else self.rows.learning_rate * detection.in_reference()
+        return Contender(finding.candidate.id, finding.evidence - max(usual, 0.0), power, other)
+
+    @property
+    def unknown(self) -> Unknown:
+        """The law in the place of a name."""
+        assert self.law is not None
+        return Unknown(self.law.finding, self.gate, self.law.margin)
+
+    def accepted(self) -> tuple[Rows, Selected]:
+        """Rows with columns that belong to the leader's parameters, and the effect."""
+        assert self.leader is not None
+        fit = self.fits[self.leader.id]
+        candidate = fit.finding.candidate
+        before, rows = fit.rows.design.witness, fit.rows
+        if before is not None and candidate.fitted is not None and before.sees(candidate.id):
+            rows = rows.on(replace(rows.design, witness=before.given(candidate.id, candidate.fitted)))
+        gate = self.state.gates[0] if library()[candidate.id].detected else self.gate
+        return rows, selected(fit, gate, self.leader, self.table, before)
+
+
+def _first_name(best: list[Finding]) -> Finding | None:
+    """The effect with the largest evidence."""
+    return next((each for each in best if each.candidate.id), None)
+
+
+def _row(finding: Finding, alone: Hypothesis, leader: Finding | None) -> Hypothesis:
+    """A row of the table, with what the hypothesis lacks against the leader."""
+    if finding is leader:
+        return replace(alone, status="refused" if alone.missing else "named")
+    if leader is None or alone.missing:
+        return alone
+    short = leader.evidence - finding.evidence
+    lacks = f"{short:.0f} more evidence than {leader.candidate.id}" if short > 0 else f"a name: {leader.candidate.id}"
+    return replace(alone, missing=(lacks,))
+
+
+def _taken(candidate: Candidate, effects: tuple[Selected, ...]) -> bool:
+    """Whether a selected effect has some of the candidate's columns already."""
+    if not candidate.id or candidate.variant is None:
+        return False
+    mine = set(candidate.variant.place.columns)
+    return any(each.id == candidate.id and mine & set(each.place.columns) for each in effects)
+
+
+def _with_detections(state: State) -> tuple[Rows, dict[str, Detection], list[Candidate]]:
+    """Rows with the columns of effects that the residual suggests, and their candidates."""
+    rows, detections, candidates = state.rows, {}, []
+    known = {each.id for each in state.effects}
+    for number, detection in enumerate(detect(rows.design, rows.regression, state.gates[0].open, known)):
+        design, indices = rows.design.with_columns(detection.columns)
+        rows = rows.on(design)
+        key = f"{detection.name} detected {len(known)}.{number}"
+        candidate = detection.candidate(indices, key, design.columns.model)
+        detections[candidate.key] = detection
+        candidates.append(candidate)
+    return rows, detections, candidates
+
+
+def _likeliest(rows: Rows, state: State, pool: list[Candidate]) -> tuple[Gate, list[Finding]]:
+    """No onset, unless an onset explains more by the margin."""
+    gate, findings = state.gates[0], ranked(rows, state.gates[0].open, pool)
+    best, known = findings[0] if findings else None, list(state.known)
+    for other in state.gates[1:]:
+        found = ranked(rows, other.open, pool)
+        ahead = found and (best is None or found[0].evidence > best.evidence)
+        if ahead and findings and gate is state.gates[0]:
+            least = margin(rows, other.open, found[0], [*known, findings[0]], state.kinds * len(state.gates))
+            ahead = found[0].evidence > findings[0].evidence + least
+        if ahead:
+            gate, findings, best = other, found, found[0]
+    return gate, findings
