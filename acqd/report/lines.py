@@ -15,6 +15,8 @@ Values = NDArray[np.floating[Any]]
 Colour = Literal["ink", "before", "after", "muted", "other", "fine"]
 MOST_POINTS = 3000
 _LEFT, _RIGHT, _TOP, _GAP, _BOTTOM = 62, 8, 6, 14, 40
+_CHARACTER = 7.5
+"""Units that a digit of an axis takes at most."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +89,7 @@ class Chart:
         label = html.escape(self.alt)
         return (
             f'<svg role="img" aria-label="{label}" viewBox="0 0 {width} {drawing.height}" '
-            f'data-from="{_LEFT}" data-to="{width - _RIGHT}" preserveAspectRatio="xMidYMid meet">'
+            f'data-from="{drawing.left}" data-to="{width - _RIGHT}" preserveAspectRatio="xMidYMid meet">'
             f"{drawing.text}</svg>"
         )
 
@@ -98,10 +100,13 @@ class _Drawing:
     def __init__(self, chart: Chart, width: int, scale: float) -> None:
         self.width = width
         self.x_range = float(chart.x[0]), float(chart.x[-1])
+        scales = [_scale(panel, round(panel.height * scale)) for panel in chart.panels]
+        longest = max((len(f"{tick:g}") for _, _, own in scales for tick in own), default=0)
+        self.left = max(_LEFT, math.ceil(_LEFT + (longest - 4) * _CHARACTER))  # beside the label of the axis
         top, parts = _TOP, []
-        for panel in chart.panels:
+        for panel, axis in zip(chart.panels, scales, strict=True):
             height = round(panel.height * scale)
-            parts.append(self._panel(chart, panel, top, height))
+            parts.append(self._panel(chart, panel, axis, top, height))
             top += height + _GAP
         bottom = top - _GAP
         self.height = bottom + _BOTTOM
@@ -111,19 +116,16 @@ class _Drawing:
 
     def _x(self, values: Values) -> Values:
         low, high = self.x_range
-        return _LEFT + (values - low) / max(high - low, 1e-12) * (self.width - _LEFT - _RIGHT)
+        return self.left + (values - low) / max(high - low, 1e-12) * (self.width - self.left - _RIGHT)
 
-    def _panel(self, chart: Chart, panel: Panel, top: int, height: int) -> str:
-        known = np.concatenate([line.values[np.isfinite(line.values)] for line in panel.lines] or [np.zeros(1)])
-        low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, 1.0)
-        margin = 0.05 * max(high - low, 1e-9)
-        low, high = low - margin, high + margin
+    def _panel(self, chart: Chart, panel: Panel, axis: _Axis, top: int, height: int) -> str:
+        low, high, marks = axis
         parts = []
-        for tick in ticks(low, high, max(3, height // 50)):
+        for tick in marks:
             y = round(top + (high - tick) / (high - low) * height, 1)
             kind = "axis" if panel.zero and tick == 0 else "grid"
-            parts.append(f'<line class="{kind}" x1="{_LEFT}" x2="{self.width - _RIGHT}" y1="{y}" y2="{y}"/>')
-            parts.append(f'<text x="{_LEFT - 6}" y="{y + 4}" text-anchor="end">{tick:g}</text>')
+            parts.append(f'<line class="{kind}" x1="{self.left}" x2="{self.width - _RIGHT}" y1="{y}" y2="{y}"/>')
+            parts.append(f'<text x="{self.left - 6}" y="{y + 4}" text-anchor="end">{tick:g}</text>')
         x = self._x(chart.x)
         for line in panel.lines:
             heights = np.round(top + (high - line.values) / (high - low) * height, 1)
@@ -133,13 +135,25 @@ class _Drawing:
         return "".join(parts)
 
     def _x_axis(self, label: str, bottom: int) -> str:
-        parts = [f'<line class="axis" x1="{_LEFT}" x2="{self.width - _RIGHT}" y1="{bottom}" y2="{bottom}"/>']
+        parts = [f'<line class="axis" x1="{self.left}" x2="{self.width - _RIGHT}" y1="{bottom}" y2="{bottom}"/>']
         for tick in ticks(*self.x_range, max(3, self.width // 110)):
             x = float(self._x(np.array([tick]))[0])
             parts.append(f'<text x="{x:.1f}" y="{bottom + 17}" text-anchor="middle">{tick:g}</text>')
-        middle = (_LEFT + self.width - _RIGHT) / 2
+        middle = (self.left + self.width - _RIGHT) / 2
         parts.append(f'<text x="{middle}" y="{bottom + 35}" text-anchor="middle">{html.escape(label)}</text>')
         return "".join(parts)
+
+
+_Axis = tuple[float, float, list[float]]
+"""Least and greatest value, and the values with a number."""
+
+
+def _scale(panel: Panel, height: int) -> _Axis:
+    known = np.concatenate([line.values[np.isfinite(line.values)] for line in panel.lines] or [np.zeros(1)])
+    low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, 1.0)
+    margin = 0.05 * max(high - low, 1e-9)
+    low, high = low - margin, high + margin
+    return low, high, ticks(low, high, max(3, height // 50))
 
 
 def ticks(low: float, high: float, count: int) -> list[float]:
