@@ -54,6 +54,8 @@ class Outlook:
     """[causes] probability that the loop names the cause where that is what has changed."""
     closest: list[str]
     """[causes] what is said most easily in its place."""
+    pieces: tuple[Piece, ...]
+    """Of the motion, in their order; none for the recordings so far."""
 
     def right(self, causes: tuple[Cause, ...]) -> float:
         """Probability of the right name, over the causes by what they are believed."""
@@ -70,7 +72,6 @@ class Designed:
     cold: bool
     """Whether the session has to begin with cold gears."""
     causes: tuple[Cause, ...]
-    pieces: tuple[Piece, ...]
     steps: tuple[Step, ...]
     motion: Motion
     so_far: Outlook
@@ -79,6 +80,11 @@ class Designed:
     """After random motion of the thesis' kind of the same length."""
     for_parameters: Outlook
     """After a D-optimal motion for the model's parameters of the same length, from the same pieces."""
+
+    @property
+    def pieces(self) -> tuple[Piece, ...]:
+        """Of the program."""
+        return self.after.pieces
 
     @property
     def needed(self) -> bool:
@@ -123,12 +129,13 @@ def next_motion(report: Path, asked: Asked, progress: Progress) -> Designed:
     if broken is not None:
         raise UserError(f"the program exceeds a limit of {subject.robot.name} ({broken}): choose another --seed")
     progress("comparing with random motion", 0.9)
-    seconds, total_s = best.seconds, sum(best.seconds[name] for name in names)
+    seconds = {name: pieces[name].seconds for name in best.moments}
+    total_s = sum(seconds[name] for name in names)
     random = filled([name for name, piece in pieces.items() if piece.random], seconds, total_s)
-    parameters = chosen(d_optimal(best.contest), best.so_far, best.pieces, seconds, total_s)
+    parameters = chosen(d_optimal(best.contest), best.so_far, best.moments, seconds, total_s)
     return Designed(
-        question, asked, space, best.cold, best.contest.causes, tuple(pieces[name] for name in names), steps, motion,
-        best.outlook([]), best.outlook(names), best.outlook(random), best.outlook(parameters),
+        question, asked, space, best.cold, best.contest.causes, steps, motion,
+        *(best.outlook(program) for program in ([], names, random, parameters)),
     )  # fmt: skip
 
 
@@ -139,8 +146,9 @@ class _Session:
     cold: bool
     contest: Contest
     so_far: Moments
-    pieces: Mapping[str, Moments]
-    seconds: Mapping[str, float]
+    pieces: Mapping[str, Piece]
+    moments: Mapping[str, Moments]
+    """By name of the piece."""
     program: list[str]
 
     @property
@@ -151,10 +159,11 @@ class _Session:
     def outlook(self, program: list[str]) -> Outlook:
         """What the recordings so far and a program promise."""
         moments = self._after(program)
-        return Outlook(self.contest.probabilities(moments), self.contest.closest(moments))
+        pieces = tuple(self.pieces[name] for name in program)
+        return Outlook(self.contest.probabilities(moments), self.contest.closest(moments), pieces)
 
     def _after(self, program: list[str]) -> Moments:
-        return together([self.so_far, *(self.pieces[name] for name in program)])
+        return together([self.so_far, *(self.moments[name] for name in program)])
 
 
 def _session(
@@ -171,7 +180,7 @@ def _session(
     seconds = {name: pieces[name].seconds for name in moments}
     progress("choosing pieces of motion", 0.5)
     program = chosen(contest.score, so_far, moments, seconds, 60 * asked.minutes)
-    return _Session(cold, contest, so_far, moments, seconds, program)
+    return _Session(cold, contest, so_far, pieces, moments, program)
 
 
 def as_json(designed: Designed) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import os
 import shutil
@@ -15,7 +16,7 @@ import numpy as np
 from tools.studies.foreign.generator.dosing import dosed
 from tools.studies.foreign.generator.hidden.catalogue import ALL, CLOCKS, ELECTRICAL, MECHANICAL, NEED_SIGNALS, OUTSIDE
 from tools.studies.foreign.generator.hidden.effect import Dose
-from tools.studies.foreign.generator.motion import STEP_S, Plan
+from tools.studies.foreign.generator.motion import STEP_S, Motion, Plan
 from tools.studies.foreign.generator.plant import Plant, Session
 from tools.studies.foreign.generator.recordings import Clock, log_name, write
 
@@ -105,9 +106,34 @@ def make_after(world: World, case: Case, folder: Path) -> dict[str, Any]:
         session = Session.drawn(plant, plant.site.plan(PLANS[world.amount][1], after=True), random)
         scaled = [dosed(session, ALL[name](session, random), case.strength / 100) for name in case.effects]
         truth = {"effects": [_truth(dose, reached) for dose, reached in scaled]}
-        later_s = 86_400.0 * float(random.integers(1, 120)) + float(random.uniform(0, 20_000))
-        _write(world, session, [dose for dose, _ in scaled], folder, random, _BEFORE_S + later_s, truth)
+        _write(world, session, [dose for dose, _ in scaled], folder, random, _later(random), truth)
     return dict(json.loads((folder / "truth.json").read_text()))
+
+
+def make_second(
+    world: World, case: Case, folder: Path, truth: dict[str, Any], name: str, motion: Motion | Plan
+) -> Path:
+    """Files of one more session, an hour after the one of `make_after`: the same effects in the same sizes."""
+    if not folder.exists():
+        random = np.random.default_rng([world.seed, zlib.crc32(case.name.encode())])
+        plant = world.plant()
+        first = Session.drawn(plant, plant.site.plan(PLANS[world.amount][1], after=True), random)
+        own = np.random.default_rng([world.seed, zlib.crc32(f"{case.name} {name}".encode())])
+        second = Session.drawn(plant, motion, own) if isinstance(motion, Plan) else Session.along(plant, motion, own)
+        doses = []
+        for effect, known in zip(case.effects, truth["effects"], strict=True):
+            again = copy.deepcopy(random)  # an effect draws its place and shape first, and after that when it acts
+            ALL[effect](first, random)
+            doses.append(Dose(ALL[effect](second, again), known["size"]))
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        start_s = _later(random) + float(first.motion.t[-1]) + 3600.0
+        _write(world, second, doses, folder, own, start_s, {"effects": truth["effects"]})
+    return folder
+
+
+def _later(random: np.random.Generator) -> float:
+    """Unix time of a session after."""
+    return _BEFORE_S + 86_400.0 * float(random.integers(1, 120)) + float(random.uniform(0, 20_000))
 
 
 def _truth(dose: Dose, reached: float) -> dict[str, Any]:

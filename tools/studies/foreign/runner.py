@@ -128,13 +128,13 @@ class Runner:
         shutil.rmtree(dataset)
         return {entry["name"]: entry["lag_s"] - lags_s[entry["name"]] for entry in manifest["recordings"]}
 
-    def build(self, files: Path, dataset: Path) -> None:
-        """A dataset of the files of a session. Raises StepError."""
+    def build(self, files: Path, dataset: Path, *more: object) -> None:
+        """A dataset of the files of a session, with `more` options. Raises StepError."""
         dataset.parent.mkdir(parents=True, exist_ok=True)
         known = [] if self.world.own_clocks else ["--lag", "0"]
         self._acqd(
             "dataset", "build", "--power", files / "power.csv", "--logs", files / "logs",
-            "--robot", self._description(), "--out", dataset, *known,
+            "--robot", self._description(), "--out", dataset, *known, *more,
         )  # fmt: skip
 
     def _description(self) -> Path:

@@ -66,6 +66,17 @@ def session(arm: Arm, plan: Plan, random: np.random.Generator) -> Motion:
     return Motion(t, q, qd, qdd, tuple(recordings), np.concatenate(resting))
 
 
+def given(q: Floats, qd: Floats, qdd: Floats) -> Motion:
+    """A session of one recording: a motion [T, n] that somebody else has planned, between two rests."""
+    gap, edge = round(GAP_S / STEP_S), round(_REST_S / STEP_S)
+    rests = [_hold(posture, gap + edge) for posture in (q[0], q[-1])]
+    q, qd, qdd = (np.concatenate([rests[0][k], rows, rests[1][k]]) for k, rows in enumerate((q, qd, qdd)))
+    resting = np.zeros(len(q))
+    resting[: gap + edge // 2] = resting[-gap - edge // 2 :] = 1.0
+    t = np.asarray(STEP_S * np.arange(len(resting)), dtype=np.float64)
+    return Motion(t, q, qd, qdd, (slice(gap, len(q) - gap),), resting)
+
+
 _Block = tuple[Floats, Floats, Floats]
 
 

@@ -62,7 +62,11 @@ class Session:
     @classmethod
     def drawn(cls, plant: Plant, plan: Plan, random: np.random.Generator) -> Session:
         """A session with its own moves, tool, voltage and other loads."""
-        motion = session(plant.arm, plan, random)
+        return cls.along(plant, session(plant.arm, plan, random), random)
+
+    @classmethod
+    def along(cls, plant: Plant, motion: Motion, random: np.random.Generator) -> Session:
+        """A session of a motion, with its own tool, voltage and other loads."""
         rigid = joint_torques(plant.arm, plant.arm.bodies, motion.q, motion.qd, motion.qdd)
         warm = float(random.uniform(0.9, 1.0))
         rubbing = plant.friction.torque(motion.q, motion.qd, rigid, warm)

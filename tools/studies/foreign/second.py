@@ -1,0 +1,176 @@
+"""Judges `acqd next` on plants that it has never met: does the designed recording bring the right name?
+
+    python -m tools.studies.foreign.second OUT [--only '*-1'] [--cases 30] [--minutes 3] [--long 9] [--json]
+
+Takes the open cases that `tools.studies.foreign OUT` has judged: one effect of the library is hidden, and the loop
+named nothing, or something else, or a family. For each: the motion that `acqd next` designs, a D-optimal motion of
+equal length from the same pieces, and random motion of the generator's kind, also `--long` minutes of it. The foreign
+plant executes each with the same hidden effect, and the loop judges both sessions together. Right: the effect, without
+a family. What is there is not made again.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+from collections import Counter
+from fnmatch import fnmatch
+from pathlib import Path
+from typing import Any
+
+import orjson
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as acqd's commands: small matrices, which threads slow down
+
+from acqd.discrepancy.config import CloseConfig
+from acqd.discrepancy.loop import close_loop
+from acqd.discrepancy.report.summary import as_json
+from acqd.errors import OperationError, UserError
+from acqd.experiment.design import Asked, Designed, next_motion
+from acqd.experiment.pieces import motion_of
+from acqd.motion.controller import RATE
+from tools.common.tables import show
+from tools.studies.foreign.cases import World, cases, make_after, make_second
+from tools.studies.foreign.generator import motion as foreign
+from tools.studies.foreign.judge import Result, accepts, kind, outcome
+from tools.studies.foreign.robustness import world_of
+from tools.studies.foreign.runner import Runner, StepError, result_files
+
+_CUT_S = 45
+"""Length of the recordings that a long one is cut into."""
+ARMS = ("designed", "d_optimal", "random", "long")
+
+
+def options() -> argparse.Namespace:
+    """The command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    add = parser.add_argument
+    add("out", type=Path, metavar="OUT")
+    add("--label", default="base", help="folder of the results that are continued (default base)")
+    add("--only", action="append", metavar="GLOB", help="cases by name, such as '*-1'")
+    add("--cases", type=int, default=30, help="at most so many (default 30)")
+    add("--minutes", type=float, default=3.0)
+    add("--long", type=float, default=9.0, metavar="MINUTES", help="of random motion (default 9; 0: none)")
+    add("--json", action="store_true")
+    return parser.parse_args()
+
+
+def answer(result: Result) -> str:
+    """right, wrong or open: what is said without a family."""
+    effects = result["report"]["effects"] if result["report"] else []
+    if not effects or effects[0]["family"]["members"]:
+        return "open"
+    return "right" if accepts(result["truth"][0]["id"], effects[0], result["axes"]) else "wrong"
+
+
+def open_cases(out: Path, label: str, globs: list[str], count: int) -> list[Result]:
+    """Judged cases of one effect of the library without the right answer, by turns of their plants."""
+    by_plant: dict[str, list[Result]] = {}
+    for file in result_files(out, label):
+        result = json.loads(file.read_text())
+        wanted = not globs or any(fnmatch(result["case"], glob) for glob in globs)
+        if wanted and kind(result) == "single" and outcome(result) != "error" and answer(result) != "right":
+            by_plant.setdefault(result["world"], []).append(result)
+    turns = [each for rank in range(count) for group in by_plant.values() for each in group[rank : rank + 1]]
+    return turns[:count]
+
+
+class Second:
+    """The second sessions of one case."""
+
+    def __init__(self, out: Path, label: str, result: Result) -> None:
+        self.world: World = world_of(result["world"])
+        self.runner = Runner(out, self.world, label, None)
+        known = cases(self.world.axes, (10, 3, 1), own_clocks=self.world.own_clocks)
+        self.case = next(case for case in known if case.name == result["case"])
+        self.result = result
+        self.folder = self.runner.work / "second" / self.case.name
+
+    def run(self, minutes: float, long_min: float) -> dict[str, Any]:
+        """What the loop says with every second session. Raises StepError, UserError, OperationError."""
+        done = self.folder / f"answers-{minutes:g}-{long_min:g}.json"
+        if done.exists():
+            return dict(json.loads(done.read_text()))
+        truth = make_after(self.world, self.case, self.runner.data / self.case.name)
+        first = self.folder / "first"
+        self._build(self.runner.data / self.case.name, first)
+        report = self._closed(first)
+        designed = next_motion(first / "loop", Asked(minutes, share_of_speed=1.0), lambda *_: None)
+        said = {"now": answer(report)}
+        for name, motion in self._motions(designed, minutes, long_min).items():
+            session = self.folder / name
+            files = make_second(self.world, self.case, session / "data", truth, name, motion)
+            self._build(files, session, "--cut", _CUT_S)
+            said[name] = answer(self._closed(first, session))
+        promised = {"now": designed.so_far, "designed": designed.after, "d_optimal": designed.for_parameters}
+        row = {
+            "world": self.world.name, "case": self.case.name, "seconds": designed.motion.seconds, "said": said,
+            "promised": {name: each.right(designed.causes) for name, each in promised.items()},
+            "compared": [cause.candidate.id or cause.candidate.label for cause in designed.causes],
+            "decides": designed.decides,
+        }  # fmt: skip
+        done.write_text(json.dumps(row))
+        return row
+
+    def _motions(self, designed: Designed, minutes: float, long_min: float) -> dict[str, foreign.Motion | foreign.Plan]:
+        every = round(RATE * foreign.STEP_S)
+        found: dict[str, foreign.Motion | foreign.Plan] = {}
+        for name, outlook in (("designed", designed.after), ("d_optimal", designed.for_parameters)):
+            if outlook.pieces:
+                motion = motion_of(designed.space, tuple(step for piece in outlook.pieces for step in piece.steps))
+                found[name] = foreign.given(*(rows[::every] for rows in (motion.q, motion.qd, motion.qdd)))
+        for name, length in (("random", minutes), ("long", long_min)):
+            if length:
+                found[name] = foreign.Plan(round(60 * length / _CUT_S), float(_CUT_S))
+        return found
+
+    def _build(self, files: Path, session: Path, *more: object) -> None:
+        if not (session / "ds").exists():
+            self.runner.build(files, session / "ds", *more)
+
+    def _closed(self, first: Path, *second: Path) -> Result:
+        """Like a result of the study."""
+        folder = (second[0] if second else first) / "loop"
+        file = folder / "report.json"
+        if not file.exists():
+            further = tuple(session / "ds" for session in second)
+            config = CloseConfig(first / "ds", self.runner.work / "model", folder, further=further)
+            report = as_json(config, close_loop(config, lambda *_: None))
+            folder.mkdir(parents=True, exist_ok=True)
+            file.write_bytes(orjson.dumps(report, option=orjson.OPT_SERIALIZE_NUMPY))
+        return self.result | {"report": json.loads(file.read_text())}
+
+
+def main() -> None:
+    """Print how many open cases every kind of motion resolves."""
+    given = options()
+    found = open_cases(given.out, given.label, given.only or [], given.cases)
+    if not found:
+        sys.exit(f"{given.out}: no open cases of one effect under the label {given.label}")
+    console, rows = Console(stderr=True), []
+    for result in track(found, "open cases", console=console):
+        try:
+            rows.append(Second(given.out, given.label, result).run(given.minutes, given.long))
+        except (StepError, UserError, OperationError) as error:
+            console.print(f"{result['world']} {result['case']}: {error}", highlight=False)
+    if given.json:
+        print(json.dumps({"simulated": True, "cases": rows}))
+        return
+    table = Table("case (simulated)", "compared", "now", *ARMS, "promised now / designed / D-optimal")
+    for row in rows:
+        promised = " / ".join(f"{value:.0%}" for value in row["promised"].values())
+        said = [row["said"].get(name, "-") for name in ("now", *ARMS)]
+        table.add_row(f"{row['world']} {row['case']}", ", ".join(row["compared"]), *said, promised)
+    show(table, width=200)
+    for name in ("now", *ARMS):
+        counts = Counter(row["said"][name] for row in rows if name in row["said"])
+        print(f"{name}: {counts['right']} right, {counts['wrong']} wrong, {counts['open']} open of {counts.total()}")
+
+
+if __name__ == "__main__":
+    main()
