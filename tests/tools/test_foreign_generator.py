@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 from tests.places import ROOT
+from tools.studies.foreign import cases as study
 from tools.studies.foreign.generator.arm import described, point_mass, true_arm
 from tools.studies.foreign.generator.dosing import acting_rms, dosed, within
 from tools.studies.foreign.generator.dynamics import GRAVITY, energy, force_torques, joint_torques, posture
 from tools.studies.foreign.generator.hidden.catalogue import ALL
 from tools.studies.foreign.generator.hidden.effect import Dose
-from tools.studies.foreign.generator.motion import STEP_S, Plan, session
+from tools.studies.foreign.generator.motion import STEP_S, Plan, given, session
 from tools.studies.foreign.generator.plant import Plant, Session, flow
 from tools.studies.foreign.generator.recordings import Clock, write
 
@@ -151,3 +152,21 @@ def test_a_harsh_site_differs_on_both_sides_and_between_them():
     coarse = next(site for site in sites if site.step_W)
     read = coarse.read(np.linspace(90, 110, 500), np.random.default_rng(2)) / coarse.step_W
     assert np.allclose(read, np.round(read))
+
+
+def test_a_second_session_has_the_same_effect_in_a_motion_that_is_given(tmp_path, monkeypatch):
+    monkeypatch.setitem(study.PLANS, "short", (Plan(1, 20.0), Plan(1, 20.0)))
+    world = study.World(6, 3, "short", torques=False, own_clocks=False)
+    case = study.Case("payload-10", ("payload",), 10)
+    truth = study.make_after(world, case, tmp_path / "first")
+    planned = session(described("ur10e"), Plan(1, 15.0), np.random.default_rng(8))
+    rows = planned.recordings[0]
+    motion = given(planned.q[rows], planned.qd[rows], planned.qdd[rows])
+    recorded = motion.recordings[0]
+    assert np.array_equal(motion.q[recorded][600:-600], planned.q[rows])  # between two rests of 3 s
+    seen = []
+    monkeypatch.setattr(study, "_write", lambda world, session, doses, *_: seen.append((session, doses)))
+    study.make_second(world, case, tmp_path / "second", truth, "designed", motion)
+    (second, (dose,)), (known,) = seen[0], truth["effects"]
+    assert dose.size == known["size"] and dose.effect.details == known["details"]
+    assert len(second.motion.t) == len(motion.t) == len(dose.effect.torque)
