@@ -42,15 +42,16 @@ def read_account(
 
 
 def read_accounts(
-    engine: sa.Engine, device: str, spans: Sequence[Sequence[int]], tariff: Tariff | None, kept: Kept | None = None
-) -> list[Account]:
-    """Accounts between several boundaries, Unix times [s] of whole minutes, from one reading of the minutes.
+    engine: sa.Engine, device: str, spans: Sequence[Sequence[int]], tariff: Tariff | None, kept: Kept | None = None,
+    seconds: int = _MINUTE_S,
+) -> list[Account]:  # fmt: skip
+    """Accounts between several boundaries, Unix times [s], from one reading of minutes, or of 900 `seconds`.
 
     Raises UserError where the device has no rows.
     """
     begin, end = min(span[0] for span in spans), max(span[-1] for span in spans)
     with engine.connect() as connection:
-        readings = _Readings(connection, device, begin, end, _MINUTE_S, kept)
+        readings = _Readings(connection, device, begin, end, seconds, kept)
         return [readings.account(span, tariff) for span in spans]
 
 

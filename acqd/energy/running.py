@@ -7,12 +7,13 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
+from zoneinfo import ZoneInfo
 
 import numpy as np
 import sqlalchemy as sa
 
 from acqd.changes import StateLog
-from acqd.energy.account import Period
+from acqd.energy.account import Account, Period
 from acqd.energy.comparison import Comparison, compare
 from acqd.energy.periods import Range, days_before, this_range
 from acqd.energy.read import read_accounts
@@ -39,6 +40,7 @@ class Running:
     """What is known of a device now."""
 
     device: str
+    zone: ZoneInfo
     today: Period | None
     """None: no rows."""
     yesterday: Period | None
@@ -48,6 +50,7 @@ class Running:
     """As far as this week has come."""
     price: Price | None
     """None without a tariff, or where it has no price now."""
+    simulated: bool = False
     trouble: str = ""
     """Why there are no costs although there is a tariff."""
 
@@ -70,6 +73,7 @@ class Running:
         known = against if isinstance(against, Comparison) else None
         return {
             "device": self.device,
+            "zone": self.zone.key,
             **{name: energy_json(getattr(self, name)) for name in ("today", "yesterday", "week", "last_week")},
             "against_last_week": None if known is None else {"quantity": known.quantity, "change": known.change},
             "standby_share": self.standby_share,
@@ -109,14 +113,15 @@ class RunningEnergy:
         price, trouble = self._price(now)
         tariff = self.rules.tariff
         try:
-            periods = _periods(engine, device, self._spans(now), tariff, kept)
+            accounts = _accounts(engine, device, self._spans(now), tariff, kept)
         except InputError as error:  # a series of prices that has ended says nothing about the energy
-            periods, trouble = _periods(engine, device, self._spans(now), None, kept), str(error)
+            accounts, trouble = _accounts(engine, device, self._spans(now), None, kept), str(error)
         if trouble:
             self._log.trouble("tariff", trouble, f"{trouble}; energies have no cost until then")
         else:
             self._log.fine("tariff", "has prices again")
-        return Running(device, *periods, price, trouble)
+        periods = [None if account is None else account.total for account in accounts]
+        return Running(device, self.rules.zone, *periods, price, any(each is not None and each.simulated for each in accounts), trouble)
 
     def _spans(self, now: float) -> list[Range]:
         """Today, yesterday, this week, and as much of the last one."""
@@ -137,9 +142,9 @@ class RunningEnergy:
         return None if prices is None else Price(float(prices[0]), float(tariff.feed_in)), ""
 
 
-def _periods(
+def _accounts(
     engine: sa.Engine, device: str, spans: list[Range], tariff: Tariff | None, kept: Kept
-) -> list[Period | None]:
+) -> list[Account | None]:
     some = [span for span in spans if span.end > span.begin]
     try:
         accounts = read_accounts(engine, device, [(span.begin, span.end) for span in some], tariff, kept)
@@ -147,6 +152,5 @@ def _periods(
         raise
     except UserError:  # no rows since then
         return [None] * len(spans)
-    total = {span: account.total for span, account in zip(some, accounts, strict=True)}
-    return [total.get(span) for span in spans]
-
+    by_span = dict(zip(some, accounts, strict=True))
+    return [by_span.get(span) for span in spans]

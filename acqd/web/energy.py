@@ -33,7 +33,7 @@ class EnergyOfDays:
         with self._reading:
             at, answer = self._kept.get(device, (0.0, {}))
             if time.monotonic() - at > _KEPT_S or not answer:
-                answer = {"zone": self._running.rules.zone.key, **self._running.of(engine, device).as_json()}
+                answer = self._running.of(engine, device).as_json()
                 if len(self._kept) > _MOST_KEPT:
                     self._kept.clear()
                 self._kept[device] = time.monotonic(), answer

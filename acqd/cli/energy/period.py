@@ -36,7 +36,7 @@ def energy(
     last: Annotated[str | None, typer.Option(help="Last complete day, week, month or year.")] = None,
     this: Annotated[str | None, typer.Option(help="Running day, week, month or year.")] = None,
     by: Annotated[str, typer.Option(help="hour, day, week, month, shift or total.")] = "day",
-    tariff: Annotated[Path | None, typer.Option(help="TOML file with prices and CO2 factor (docs/energy.md).")] = None,
+    tariff: Annotated[Path | None, typer.Option(help="TOML file with prices (docs/energy.md; default: [energy] tariff).")] = None,
     zone: Annotated[
         str | None, typer.Option(help="Zone of local time (default: the tariff's, this computer's).")
     ] = None,
@@ -56,8 +56,8 @@ def energy(
             raise UserError(f"put the options after the subcommand: acqd energy {context.invoked_subcommand} ...")
         return
     check_outputs("acqd energy", csv, html)
-    where = database or configured(config).sink.database
-    bill = _statement(where, device or (), (begin, to, last, this), by, (tariff, zone, shifts))
+    where, rules = _source(config, database, tariff, zone)
+    bill = _statement(where, device or (), (begin, to, last, this), by, (*rules, shifts))
     if csv is not None:
         from acqd.energy.tables import as_csv
 
@@ -75,6 +75,17 @@ def energy(
     for written in (csv, html):
         if written is not None:
             print(f"written: {written}")
+
+
+def _source(
+    config: Path | None, database: str | None, tariff: Path | None, zone: str | None
+) -> tuple[str, tuple[Path | None, str | None]]:
+    """The database, and the tariff and zone: those of the configuration, unless another database is named."""
+    if database is not None and config is None:
+        return database, (tariff, zone)
+    settings = configured(config)
+    rules = (tariff or settings.energy.tariff, zone or settings.energy.zone)
+    return database or settings.sink.database, rules
 
 
 def _statement(
