@@ -43,15 +43,15 @@ def read_account(
 
 def read_accounts(
     engine: sa.Engine, device: str, spans: Sequence[Sequence[int]], tariff: Tariff | None, kept: Kept | None = None,
-    seconds: int = _MINUTE_S,
+    seconds: int | None = None,
 ) -> list[Account]:  # fmt: skip
-    """Accounts between several boundaries, Unix times [s], from one reading of minutes, or of 900 `seconds`.
+    """Accounts between several boundaries, Unix times [s], from one reading of buckets of 60 or 900 `seconds`.
 
     Raises UserError where the device has no rows.
     """
     begin, end = min(span[0] for span in spans), max(span[-1] for span in spans)
     with engine.connect() as connection:
-        readings = _Readings(connection, device, begin, end, seconds, kept)
+        readings = _Readings(connection, device, begin, end, seconds or resolution([begin, *chain(*spans), end], tariff), kept)
         return [readings.account(span, tariff) for span in spans]
 
 

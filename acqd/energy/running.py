@@ -22,6 +22,7 @@ from acqd.energy.tariff import Tariff
 from acqd.errors import InputError, UserError
 from acqd.storage.buckets import Kept
 
+_MINUTE_S = 60
 _KEPT_S = 3600.0
 """After an hour everything is read again: rows of a backlog may have come into full minutes."""
 
@@ -147,7 +148,7 @@ def _accounts(
 ) -> list[Account | None]:
     some = [span for span in spans if span.end > span.begin]
     try:
-        accounts = read_accounts(engine, device, [(span.begin, span.end) for span in some], tariff, kept)
+        accounts = read_accounts(engine, device, [(span.begin, span.end) for span in some], tariff, kept, _MINUTE_S)
     except InputError:
         raise
     except UserError:  # no rows since then

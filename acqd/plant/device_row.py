@@ -10,9 +10,9 @@ from acqd.energy.account import Account, Period
 from acqd.fleet import words
 from acqd.plant.heard import Heard
 
-Severity = Literal["alarm", "no rows", "changed", "acknowledged", "fine"]
-SEVERITIES: tuple[Severity, ...] = ("alarm", "no rows", "changed", "acknowledged", "fine")
-"""The gravest first."""
+Severity = Literal["alarm", "no rows", "changed", "acknowledged", "unknown", "fine"]
+SEVERITIES: tuple[Severity, ...] = ("alarm", "no rows", "changed", "acknowledged", "unknown", "fine")
+"""The gravest first; unknown: nobody was asked for alarms."""
 _KNOWN = 0.99
 """Least share of a day with rows, for its energy to count as that of a day."""
 DAYS = 14
@@ -32,7 +32,7 @@ class DeviceRow:
     """Of a day: the mean of the last seven that have rows for 99 % of their time."""
     EUR: float | None
     change: float | None
-    """Relative, against the mean of the seven days before."""
+    """Relative, against the same weekdays of the week before."""
     days: tuple[float | None, ...]
     """kWh of the last 14 days; None: too few rows."""
     missing_s: float
@@ -54,24 +54,31 @@ def device_row(
     """`account`: of 14 days, one period each; None: no rows in that time. `alarms`: of this device and its daemon."""
     days = [] if account is None else account.periods
     usual = [_usual(one) for one in days]
-    kWh, before = _mean([one.kWh for one in usual[7:] if one]), _mean([one.kWh for one in usual[:7] if one])
+    kWh = _mean([one.kWh for one in usual[7:] if one])
     EUR = _mean([_cost(one) for one in usual[7:] if one])
     open_alarms = [each for each in alarms if not each.get("acknowledged_by")]
     changed = found is not None and found["state"] == "changed"
     severity: Severity = (
         "alarm" if open_alarms else "no rows" if not days or days[-1].known_s == 0
-        else "acknowledged" if alarms else "changed" if changed else "fine"
+        else "acknowledged" if alarms else "changed" if changed else "unknown" if heard is None else "fine"
     )  # fmt: skip
     named = [str(each.get("text", "")) for each in alarms]
     if found is not None and (changed or found["error"]):
         named.append(words.what(dict(found)))
     return DeviceRow(
         device, _state(device, heard), severity, "; ".join(filter(None, named)), _since(alarms, found), kWh, EUR,
-        kWh / before - 1 if kWh is not None and before else None, tuple(one.kWh if one else None for one in usual),
+        _change(usual), tuple(one.kWh if one else None for one in usual),
         sum(one.missing_s for one in days[7:]), ", ".join(sorted({str(each["acknowledged_by"]) for each in alarms
                                                                  if each.get("acknowledged_by")})),
         None if found is None else found["report"], account is not None and account.simulated,
     )  # fmt: skip
+
+
+def _change(usual: Sequence[Period | None]) -> float | None:
+    """Of the days that are known in both weeks: other weekdays take another energy."""
+    pairs = [(one.kWh, before.kWh) for one, before in zip(usual[7:], usual[:7], strict=False) if one and before]
+    now, earlier = (sum(pair[k] or 0.0 for pair in pairs) for k in (0, 1))
+    return now / earlier - 1 if earlier else None
 
 
 def _usual(one: Period) -> Period | None:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 from zoneinfo import ZoneInfo
 
 import numpy as np
@@ -22,7 +24,7 @@ from acqd.energy.rules import Rules
 from acqd.energy.tables import standby_share
 from acqd.errors import UserError
 from acqd.fleet import words
-from acqd.plant.plant import Progress, account_of
+from acqd.plant.plant import Progress, accounts_of
 from acqd.report.blocks import Link
 from acqd.report.digits import counted, duration, number, percent
 from acqd.report.lines import Chart, Line, Panel
@@ -39,6 +41,8 @@ class Month:
     chosen: Range
     rules: Rules
     accounts: list[Account]
+    """Of the whole month: what was counted over a gap at midnight belongs to the month, and to no day."""
+    days: list[Account]
     """By day."""
     before: dict[str, Period]
     """The month before, by device."""
@@ -85,24 +89,27 @@ def read_month(
 ) -> Month:  # fmt: skip
     """Raises UserError where no device has rows in the month."""
     cuts = boundaries(chosen, "day", rules.zone)
-    accounts, before, trouble = [], {}, ""
+    accounts, days, before, trouble = [], [], {}, ""
     names = devices(engine)
     for k, name in enumerate(names):
         progress(f"{name}: energy", k / len(names))
-        account, why = account_of(engine, name, cuts, rules)
-        trouble = trouble or why
-        if account is None:
+        spans = [[chosen.begin, chosen.end], cuts, [earlier.begin, earlier.end]]
+        found_of, why = accounts_of(engine, name, spans, rules)
+        if not found_of:
             continue
-        accounts.append(account)
-        last, _ = account_of(engine, name, [earlier.begin, earlier.end], rules)
-        if last is not None:
+        whole, by_day, last = found_of
+        trouble = trouble or why
+        if last.total.known_s > 0:
             before[name] = last.total
+        if whole.total.known_s > 0:
+            accounts.append(whole)
+            days.append(by_day)
     if not accounts:
         shown = f"{datetime.fromtimestamp(chosen.begin, rules.zone):%Y-%m}"
         raise UserError(f"no device has rows in {shown}; choose another --month")
     accounts.sort(key=lambda account: -(account.total.nWh or 0))
     changes = {name: row for name, row in found.items() if chosen.begin <= (row["since_s"] or 0) < chosen.end}
-    return Month(chosen, rules, accounts, before, changes, trouble)
+    return Month(chosen, rules, accounts, days, before, changes, trouble)
 
 
 def month_page(month: Month, out: Path) -> Page:
@@ -111,14 +118,14 @@ def month_page(month: Month, out: Path) -> Page:
                 kind="month")  # fmt: skip
     page.verdict(_verdict(month))
     page.heading("Days")
-    page.lines(_days(month), "Energy of all devices by day; a day that lacks rows of a device is interrupted")
+    page.lines(_days(month), "Energy of all devices by day; interrupted where a device has no row of a day")
     page.heading("Devices")
     total = month.total.kWh
     page.table(_HEAD, [_cells(month, account, total) for account in month.accounts])
-    over = sum(account.between_nWh for account in month.accounts) / 1e12
+    over = sum(account.between_nWh for account in month.days) / 1e12
     page.text(
         f"Time without rows is shown and never filled; {number(over)} kWh were counted where rows lack, over the end of "
-        "a day: they belong to no day." if over else "Time without rows is shown and never filled."
+        "a day: they belong to the month, and to no day." if over else "Time without rows is shown and never filled."
     )  # fmt: skip
     page.heading("What has changed")
     rows = [
@@ -188,19 +195,14 @@ def _cells(month: Month, account: Account, total: float | None) -> list[str]:
 
 
 def _days(month: Month) -> Chart:
-    days = [sum_of(together) for together in zip(*(account.periods for account in month.accounts), strict=True)]
-    whole = [all(account.periods[k].nWh is not None for account in month.accounts) for k in range(len(days))]
-    values = np.array([one.kWh if known and one.kWh is not None else np.nan for one, known in zip(days, whole,
-                                                                                                  strict=True)])
+    days = [sum_of(together) for together in zip(*(account.periods for account in month.days), strict=True)]
+    values = np.array([one.kWh if one.kWh is not None and one.known_s > 0 else np.nan for one in days])
     number_of_day = np.arange(1.0, len(days) + 1)
     alt = f"Energy of all devices on the {len(days)} days of {month.name}."
     return Chart(number_of_day, "day of the month", [Panel("kWh", [Line("energy", values, "after")])], alt)
 
 
 def _linked(name: str, row: Mapping[str, Any], out: Path) -> str | Link:
-    import os
-    from urllib.parse import quote
-
     if not row["report"] or not Path(row["report"]).exists():
         return name
     return Link(name, quote(os.path.relpath(Path(row["report"]).resolve(), out.resolve().parent)))

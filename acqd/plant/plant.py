@@ -10,7 +10,7 @@ import sqlalchemy as sa
 
 from acqd.energy.account import Account
 from acqd.energy.periods import days_before
-from acqd.energy.read import devices, read_account
+from acqd.energy.read import devices, read_accounts
 from acqd.energy.rules import Rules
 from acqd.errors import InputError, UserError
 from acqd.plant.device_row import DAYS, SEVERITIES, DeviceRow, device_row
@@ -52,8 +52,8 @@ def read_plant(
     rows, trouble = [], ""
     for k, name in enumerate(names):
         progress(f"{name}: energy", k / len(names))
-        account, why = account_of(engine, name, cuts, rules)
-        trouble = trouble or why
+        accounts, why = accounts_of(engine, name, [cuts], rules)
+        trouble, account = trouble or why, accounts[0] if accounts else None
         daemon = heard.daemon_of(name) if heard is not None else None
         of_daemon = alarms.get(daemon, []) if daemon not in (None, name) and daemon not in names else []
         rows.append(device_row(name, account, heard, [*alarms.get(name, []), *of_daemon], found.get(name)))
@@ -61,14 +61,16 @@ def read_plant(
     return Plant(rows, rules, end, heard, trouble)
 
 
-def account_of(engine: sa.Engine, device: str, cuts: Sequence[int], rules: Rules) -> tuple[Account | None, str]:
-    """The account, or None without rows; and why it has no costs although there is a tariff."""
+def accounts_of(
+    engine: sa.Engine, device: str, spans: Sequence[Sequence[int]], rules: Rules
+) -> tuple[list[Account], str]:
+    """Accounts between boundaries, empty without rows; and why they have no costs although there is a tariff."""
     try:
-        return read_account(engine, device, cuts, rules.tariff), ""
+        return read_accounts(engine, device, spans, rules.tariff), ""
     except InputError as error:
-        return read_account(engine, device, cuts, None), str(error)
+        return read_accounts(engine, device, spans, None), str(error)
     except UserError:
-        return None, ""
+        return [], ""
 
 
 def alarms_by_device(heard: Heard | None) -> dict[str | None, list[dict[str, Any]]]:

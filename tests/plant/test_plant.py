@@ -51,6 +51,7 @@ def plant(tmp_path_factory):
     (folder / "tariff.toml").write_text(
         'name = "works"\nprice = 0.25\nzone = "Europe/Berlin"\n[capacity]\nprice = 10.0\nper = "month"\n'
     )
+    (folder / "bare.toml").write_text('[sink]\ndatabase = "p.sqlite"\n[energy]\nzone = "Europe/Berlin"\n')
     (folder / "acqd.toml").write_text('[sink]\ndatabase = "p.sqlite"\n[energy]\ntariff = "tariff.toml"\n')
     return folder
 
@@ -132,12 +133,13 @@ def test_every_device_has_its_alarm_its_cost_and_its_report(plant, fleet, ask, m
 
 
 def test_without_a_broker_or_a_tariff_nothing_is_invented(plant, ask):
-    (plant / "bare.toml").write_text('[sink]\ndatabase = "p.sqlite"\n[energy]\nzone = "Europe/Berlin"\n')
     done = ask("page", "--no-broker", "--config", plant / "bare.toml", "--out", plant / "bare.html")
     rows = {row["device"]: row for row in json.loads(done.stdout)["devices"]}
     assert {row["EUR"] for row in rows.values()} == {None} and {row["state"] for row in rows.values()} == {"not asked"}
-    assert rows["cell-1"]["severity"] == "fine" and "The broker was not asked" in (plant / "bare.html").read_text()
-    assert "acqd fleet writes the folder" in refused(ask("page", "--no-broker", "--fleet", plant / "nowhere"))
+    assert rows["cell-1"]["severity"] == "unknown" and "The broker was not asked" in (plant / "bare.html").read_text()
+    assert "acqd fleet writes the folder" in refused(
+        ask("page", "--no-broker", "--config", plant / "bare.toml", "--fleet", plant / "nowhere")
+    )
 
 
 def test_a_month_is_printed_with_what_is_missing(plant, fleet, ask):
@@ -153,7 +155,7 @@ def test_a_month_is_printed_with_what_is_missing(plant, fleet, ask):
     default = json.loads(ask("month").stdout)
     assert default["month"] == "2026-10" and default["page"] == "plant-2026-10.html"
     for month, why in (("2026-1", "like 2026-10"), ("2027-01", "not begun"), ("2026-13", "expected"), ("2026-08", "no device")):
-        assert why in refused(ask("month", "--month", month))
+        assert why in refused(ask("month", "--month", month, "--config", plant / "bare.toml"))
 
 
 def test_an_inventory_names_what_is_offline_or_old(plant, ask, mosquitto):
