@@ -63,7 +63,7 @@ class _Readings:
     ) -> None:
         first, last = begin // seconds * seconds, -(-end // seconds) * seconds
         self._connection, self._device = connection, device
-        self._channel = channel = _channel(device, stored.channels(connection, device, begin, end))
+        self._channel = channel = channel_of(device, stored.channels(connection, device, begin, end))
         self._buckets, _ = stored.read_buckets(connection, device, channel, seconds, first, last, kept)
         interval = stored.row_interval(connection, device, channel, max(begin - _LOOK_BACK_S, 0), end)
         self._interval = interval or _usual_interval(self._buckets)
@@ -99,7 +99,7 @@ def resolution(boundaries: Sequence[int], tariff: Tariff | None) -> int:
     return _MINUTE_S
 
 
-def _channel(device: str, channels: set[str]) -> str:
+def channel_of(device: str, channels: set[str]) -> str:
     """The total where there is one, else the only channel. Raises UserError."""
     if "total" in channels:
         return "total"
