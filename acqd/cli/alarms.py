@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import getpass
 import socket
+import time
 from typing import TYPE_CHECKING, Annotated, Any
 
 import orjson
@@ -17,8 +18,14 @@ from acqd.telemetry.mqtt import BrokerAddress
 if TYPE_CHECKING:  # acqd run starts without it
     import aiomqtt
 
+    from acqd.daemon.config import Config
+    from acqd.energy.budget import Standing
+    from acqd.integrations.regularly import Regularly
+
 app = typer.Typer(invoke_without_command=True)
 _LIST_S = 2.0
+_BUDGETS_S = 300.0
+"""Time between two looks at the budgets."""
 _NOBODY = "[alarms] names nobody to tell: set webhooks or mail_to, and pass the file with --config"
 
 
@@ -38,8 +45,42 @@ def alarms(context: typer.Context, config: ConfigFile = None, host: Host = None,
     settings = configured(config, host, port, "bridge")
     if not settings.alarms.webhooks and not settings.alarms.mail_to:
         raise UserError(_NOBODY)
-    with Alarms(settings.alarms) as service:
+    with Alarms(settings.alarms, _watched_budgets(settings)) as service:
         serve(settings.mqtt.address(), service.watch, f"acqd-alarms-{socket.gethostname()}")
+
+
+def _watched_budgets(settings: Config) -> Regularly[list[Standing]] | None:
+    """None without budgets. Raises UserError."""
+    if not settings.alarms.budgets:
+        return None
+    from acqd.energy.budget import Budgets
+    from acqd.energy.rules import rules_of
+    from acqd.integrations.regularly import Regularly
+
+    budgets = Budgets(settings.alarms.budgets, rules_of(settings.energy))
+    return Regularly(settings.sink.database, lambda engine: budgets.standings(engine, time.time()), _BUDGETS_S)
+
+
+@app.command("budgets")
+def budgets_command(config: ConfigFile = None, json: Json = False) -> None:
+    """Show where every budget of section alarms stands now, with the forecast and what it rests on.
+
+    Example: acqd alarms budgets --config /etc/acqd/acqd.toml
+    """
+    from acqd.energy.budget import Budgets
+    from acqd.energy.rules import rules_of
+    from acqd.storage.database import read_database
+
+    settings = configured(config)
+    if not settings.alarms.budgets:
+        raise UserError("[alarms] has no budgets; docs/energy.md shows how to set some")
+    budgets = Budgets(settings.alarms.budgets, rules_of(settings.energy))
+    standings = budgets.standings(read_database(settings.sink.database), time.time())
+    if json:
+        print(orjson.dumps([each.as_json() for each in standings]).decode())
+    else:
+        for each in standings:
+            print(f"{each.state}: {each.text}")
 
 
 @app.command("list")

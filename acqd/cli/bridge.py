@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 import socket
-from typing import Annotated
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Annotated
 
 import orjson
 import typer
 
 from acqd.cli.options import ConfigFile, Host, Json, Port, configured
+
+if TYPE_CHECKING:
+    from sqlalchemy import Engine
+
+    from acqd.daemon.config import Config
+    from acqd.energy.running import Running
 
 app = typer.Typer(no_args_is_help=True, help="Rows in the form of other programs, on the same broker.")
 _RETAINED_S = 2.0
@@ -43,10 +51,36 @@ def homeassistant(
         serve(address, removal, f"{name}-remove", _RETAINED_S)
         count, what = removal.removed, "removed"
     else:
-        discovery = Discovery(section.prefix, section.expire_s, section.channels)
-        serve(address, discovery, name, _RETAINED_S if once else None)
+        with _energies(settings, once=once) as energies:
+            discovery = Discovery(section.prefix, section.expire_s, section.channels, energies)
+            serve(address, discovery, name, _RETAINED_S if once else None)
         count, what = discovery.announced, "announced"
     print(orjson.dumps({what: count}).decode() if json else f"{count} entities {what}")
+
+
+@contextmanager
+def _energies(settings: Config, *, once: bool) -> Iterator[Callable[[], list[Running] | None]]:
+    """What is known of the energy of all devices, once a minute; nothing without a tariff. Raises UserError."""
+    if settings.energy.tariff is None:
+        yield lambda: None
+        return
+    from acqd.energy.read import devices
+    from acqd.energy.rules import rules_of
+    from acqd.energy.running import RunningEnergy
+    from acqd.integrations.regularly import Regularly
+
+    running = RunningEnergy(rules_of(settings.energy))
+
+    def read(engine: Engine) -> list[Running]:
+        return [running.of(engine, name) for name in devices(engine)]
+
+    reader = Regularly(settings.sink.database, read, 60.0)
+    if once:
+        reader.once()
+        yield reader.newest
+        return
+    with reader:
+        yield reader.newest
 
 
 @app.command("influx")

@@ -71,6 +71,7 @@ _COMMANDS = (
     _Command("fleet", _EXPLAIN, "the loop, many robots"),
     _Command("sidecar", _EXPLAIN, "logs as they arrive"),
     _Command("guide", _EXPLAIN, "what to do next, and how"),
+    _Command("plant", _HAND_ON, "page, month, inventory", group=True),
     _Command("reports", _HAND_ON, "all reports on a page"),
     _Command("alarms", _HAND_ON, "by webhook and mail", group=True),
     _Command("bridge", _HAND_ON, "Home Assistant, Influx", group=True),

@@ -11,7 +11,7 @@ import orjson
 import typer
 from rich.table import Table
 
-from acqd.cli.options import Json
+from acqd.cli.options import Json, mean_price
 from acqd.cli.progress import progress
 from acqd.cli.terminal import terminal
 from acqd.extras import LOOP, require
@@ -33,6 +33,9 @@ def fleet(
     jobs: Annotated[int | None, typer.Option(min=1, help="Robots at the same time (default one per core).")] = None,
     engine: Annotated[Engine, typer.Option(help="Local processes, or a Ray cluster.")] = Engine.PROCESS,
     ray_address: Annotated[str | None, typer.Option(help="Address of the Ray cluster (default: start one).")] = None,
+    tariff: Annotated[
+        Path | None, typer.Option(help="TOML file with prices: what causes cost a year (default: [energy] tariff).")
+    ] = None,
     everybody: Annotated[bool, typer.Option("--all", help="Also list the robots that have not changed.")] = False,
     json: Json = False,
 ) -> None:
@@ -50,7 +53,8 @@ def fleet(
 
     described = read_fleet(file)
     folder = out or default_folder(file.with_suffix(""), "fleet")
-    config = FleetConfig(described, folder, jobs or os.cpu_count() or 1, engine.value, ray_address)
+    price = mean_price(tariff)
+    config = FleetConfig(described, folder, jobs or os.cpu_count() or 1, engine.value, ray_address, price)
     with progress(terminal(stderr=True)) as show:
         report = run_fleet(config, show)
     if json:

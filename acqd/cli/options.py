@@ -74,6 +74,16 @@ def broker_address(path: Path | None, host: str | None, port: int | None, servic
     return configured(path, host, port, service).mqtt.address()
 
 
+def mean_price(tariff: Path | None) -> float | None:
+    """EUR per kWh of a tariff's file, else of the configuration's; None without a tariff. Raises UserError."""
+    from acqd.energy.rules import rules_of
+
+    section = configured(None).energy
+    chosen = section if tariff is None else section.model_copy(update={"tariff": tariff})
+    rules = rules_of(chosen)
+    return None if rules.tariff is None else rules.tariff.mean_price
+
+
 Corners = tuple[float, float, float, float, float, float]
 
 

@@ -29,6 +29,10 @@ from acqd.plc.kernel_clock import kernel_synchronised
 from acqd.plc.realtime import die_with_parent
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    import sqlalchemy as sa
+
     from acqd.storage.sink import Sink
 
 app = typer.Typer(invoke_without_command=True)
@@ -90,7 +94,7 @@ def sink(
     end = time.monotonic() + duration if duration else None
     if embedded:
         print("ready", flush=True)
-    upkeep = Upkeep(engine, settings.sink.retention())
+    upkeep = Upkeep(engine, settings.sink.retention(), _costs(settings))
     health = SinkHealth(settings.health, worker, options.client_id, upkeep, settings.mqtt.certificates)
     health.start()
     upkeep.start()
@@ -102,6 +106,16 @@ def sink(
     health.stop()
     if json or not embedded:
         _report(worker, json)
+
+
+def _costs(settings: Config) -> Callable[[sa.Engine], object]:
+    """Keeps the costs of quarter hours, where there is a tariff. Raises UserError."""
+    if settings.energy.tariff is None:
+        return lambda _: None
+    from acqd.energy.quarters import Quarters
+    from acqd.energy.rules import rules_of
+
+    return Quarters(rules_of(settings.energy)).update
 
 
 def _advance(shown: Progress, bar: TaskID, done: float) -> None:

@@ -48,8 +48,7 @@ def web(
     given = {"host": listen, "port": web_port, "token": token}
     section = chosen.web.model_copy(update={name: value for name, value in given.items() if value is not None})
     check_port(section.host, section.port, "page")
-    kept = chosen.archive.place(chosen.state_dir, chosen.device) if chosen.archived else None
-    settings = settings_of(chosen.mqtt.address(), database or chosen.sink.database, chosen.health, section, kept)
+    settings = settings_of(chosen, database or chosen.sink.database, section)
     server = Server(settings)
     if embedded:
         print("ready", flush=True)

@@ -7,11 +7,37 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from acqd.daemon.section import Port
+from acqd.daemon.section import Port, Positive
 from acqd.section import FileName, Section
 
 _Url = Annotated[str, Field(pattern=r"^https?://")]
 _Address = Annotated[str, Field(pattern=r"^[^@\s]+@[^@\s]+$")]
+
+
+class Budget(Section):
+    """Energy or cost that a day, a week or a month must not exceed."""
+
+    per: Literal["day", "week", "month"]
+    kWh: Positive | None = None
+    EUR: Positive | None = None
+    device: Annotated[str, Field(min_length=1)] | None = None
+    """None: all devices together."""
+
+    @model_validator(mode="after")
+    def _one_limit(self) -> Budget:
+        if (self.kWh is None) == (self.EUR is None):
+            raise ValueError("a budget has either kWh or EUR")
+        return self
+
+    @property
+    def limit(self) -> float:
+        """In `unit`."""
+        return self.kWh if self.kWh is not None else self.EUR or 0.0
+
+    @property
+    def unit(self) -> Literal["kWh", "EUR"]:
+        """Of the limit."""
+        return "EUR" if self.kWh is None else "kWh"
 
 
 class AlarmsSection(Section):
@@ -27,6 +53,8 @@ class AlarmsSection(Section):
     smtp_password: str | None = Field(default=None, repr=False)
     delay_s: Annotated[float, Field(ge=0, le=86_400)] = 30.0
     """A state of a daemon is an alarm when it has lasted so long [s]: longer than a restart."""
+    budgets: list[Budget] = Field(default_factory=list)
+    """Watched by the registers in SQL."""
     remind_h: Annotated[float, Field(ge=0)] = 24.0
     """An alarm that nobody has acknowledged is repeated; 0: never [h]."""
     state: FileName = Path("acqd-alarms.json")
@@ -36,4 +64,12 @@ class AlarmsSection(Section):
     def _whole_login(self) -> AlarmsSection:
         if (self.smtp_username is None) != (self.smtp_password is None):
             raise ValueError("smtp_username and smtp_password belong together: set both or none")
+        return self
+
+    @model_validator(mode="after")
+    def _different_budgets(self) -> AlarmsSection:
+        kinds = [(one.device, one.per, one.unit) for one in self.budgets]
+        if twice := [kind for kind in kinds if kinds.count(kind) > 1]:
+            device, per, unit = twice[0]
+            raise ValueError(f"budgets: two of {device or 'all devices'} in {unit} per {per}; keep one")
         return self

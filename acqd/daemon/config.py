@@ -18,7 +18,8 @@ from acqd.daemon.archive_section import ArchiveSection
 from acqd.daemon.box_section import BoxSection
 from acqd.daemon.config_place import as_installed
 from acqd.daemon.correction_section import CorrectionSection
-from acqd.daemon.earlier_files import without_effect
+from acqd.daemon.earlier_files import with_tariff, without_effect
+from acqd.daemon.energy_section import EnergySection
 from acqd.daemon.events.section import EventsSection
 from acqd.daemon.health.section import HealthSection
 from acqd.daemon.homeassistant_section import HomeAssistantSection
@@ -123,6 +124,7 @@ class Config(Section):
     events: EventsSection = EventsSection()
     archive: ArchiveSection = ArchiveSection()
     health: HealthSection = HealthSection()
+    energy: EnergySection = EnergySection()
     web: WebSection = WebSection()
     homeassistant: HomeAssistantSection = HomeAssistantSection()
     plain: PlainSection = PlainSection()
@@ -240,7 +242,11 @@ def load_config(path: Path, service: Service = "daemon") -> Config:
 
     Raises InputError with one line per mistake.
     """
-    config = parsed_config(read_toml(path), path)
+    data = read_toml(path)
+    config = parsed_config(data, path)
+    own = data.get("energy", {}).get("tariff")  # by hand, a command may be in another folder than the services
+    if own is not None and config.energy.tariff is not None:
+        config.energy = config.energy.model_copy(update={"tariff": path.absolute().parent / own})
     state = os.environ.get("STATE_DIRECTORY")
     if config.state_dir is None and state:
         config.state_dir = Path(state)
@@ -267,7 +273,8 @@ def parsed_config(data: dict[str, Any], path: Path) -> Config:
     if "boxes" in data:
         raise InputError(path, "unknown key boxes; several sources are written as [[source]] tables")
     data, notes = without_effect(data)
-    for note in notes:
+    data, more = with_tariff(data, path)
+    for note in notes + more:
         _log.warning("%s: %s", path, note)
     try:
         return Config.model_validate(data)

@@ -48,7 +48,7 @@ def _places(config: Config) -> Iterator[Finding]:
     named = {
         "state_dir": config.state_dir,
         "archive.folder": config.archive.folder if config.archive.enabled else None,
-        "web.tariff": config.web.tariff,
+        "energy.tariff": config.energy.tariff,
         "web.reports": config.web.reports,
         "web.logs": config.web.logs,
         "web.model": config.web.model,

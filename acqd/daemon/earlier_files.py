@@ -1,10 +1,12 @@
-"""Configuration files of earlier versions: what has no effect any more is left out, with a note."""
+"""Configuration files of earlier versions: what has no effect any more is left out, and what has moved is found."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any, get_args
 
 from acqd.daemon.source_sections import SECTIONS
+from acqd.errors import InputError
 
 
 def without_effect(data: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
@@ -29,3 +31,19 @@ def without_effect(data: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
             notes[key] = f"source.{key} is a default of another kind than {kind} and has no effect; delete it"
     kept = {key: value for key, value in source.items() if key not in notes}
     return {**data, "source": kept}, list(notes.values())
+
+
+def with_tariff(data: dict[str, Any], path: Path) -> tuple[dict[str, Any], list[str]]:
+    """The file's content with `web.tariff`, of the page only in earlier versions, as `energy.tariff`; and a note.
+
+    Raises InputError where the two name different files.
+    """
+    web, energy = data.get("web"), data.get("energy", {})
+    if not isinstance(web, dict) or "tariff" not in web or not isinstance(energy, dict):
+        return data, []
+    tariff = web["tariff"]
+    if energy.get("tariff", tariff) != tariff:
+        raise InputError(path, "web.tariff and energy.tariff name different files; delete web.tariff")
+    kept = {key: value for key, value in web.items() if key != "tariff"}
+    note = "web.tariff holds for all costs; acqd config upgrade moves it to [energy]"
+    return {**data, "web": kept, "energy": {**energy, "tariff": tariff}}, [note]

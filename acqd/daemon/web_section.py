@@ -21,8 +21,6 @@ class WebSection(Section):
     """Robot whose posture is drawn; empty: none."""
     reports: FileName | None = None
     """Folder with results of `acqd close-loop`; its newest report is shown, and proposals are written there."""
-    tariff: FileName | None = None
-    """Prices of `acqd energy`: what the energy of days costs."""
     loop: bool = False
     """Whether the page may search for the cause of an alarm, and replace the model when somebody confirms that."""
     logs: FileName | None = None

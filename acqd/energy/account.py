@@ -95,7 +95,7 @@ def account_of(
     boundaries: Sequence[int], tariff: Tariff | None, months: Sequence[int],
 ) -> Account:  # fmt: skip
     """Sort stretches into periods; the first `skipped` buckets lie before them. `months`: boundaries of months."""
-    of_periods = _after(buckets, skipped)
+    of_periods = buckets.chosen(range(skipped, len(buckets.start)))
     standby = standby_of(of_periods)
     priced = _Priced(stretches, tariff, boundaries[0])
     place = np.searchsorted(boundaries, stretches.start, side="right") - 1
@@ -128,13 +128,6 @@ def sum_of(periods: Sequence[Period]) -> Period:
 def _sum(values: Sequence[Fraction | None]) -> Fraction | None:
     known = [value for value in values if value is not None]
     return sum(known, Fraction(0)) if known else None
-
-
-def _after(buckets: Buckets, skipped: int) -> Buckets:
-    return Buckets(
-        buckets.start[skipped:], buckets.seconds[skipped:], buckets.rows[skipped:], buckets.P[skipped:],
-        buckets.P_min[skipped:], buckets.P_max[skipped:], buckets.W[skipped:],
-    )  # fmt: skip
 
 
 class _Priced:

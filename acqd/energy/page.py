@@ -6,7 +6,8 @@ from datetime import datetime
 from typing import TYPE_CHECKING
 
 from acqd.energy.account import Period
-from acqd.energy.statement import Comparison, Statement
+from acqd.energy.comparison import Comparison
+from acqd.energy.statement import Statement
 from acqd.energy.stretches import NWH_PER_KWH
 from acqd.energy.tables import exact_kwh, standby_share
 from acqd.report import KeyFigure, Page, Verdict

@@ -97,6 +97,15 @@ def this_range(name: str, now: float, zone: ZoneInfo) -> tuple[Range, Range]:
     return Range(starts[0], end), Range(starts[1], min(round(as_far.timestamp()), starts[0]))
 
 
+def current(name: str, now: float, zone: ZoneInfo) -> Range:
+    """The whole day, week or month that `now` is in."""
+    floor = _floor(name, datetime.fromtimestamp(now, zone).date())
+    assert floor is not None
+    after = _floor(name, floor + timedelta(days={"day": 1, "week": 7}.get(name, 31)))
+    assert after is not None
+    return Range(_midnight(floor, zone), _midnight(after, zone))
+
+
 def before(chosen: Range, zone: ZoneInfo) -> Range:
     """As many local days before, or for other lengths as many seconds."""
     begin, end = (datetime.fromtimestamp(moment, zone) for moment in (chosen.begin, chosen.end))

@@ -15,7 +15,7 @@ from acqd.energy.tariff import Tariff
 from acqd.errors import UserError
 from acqd.storage import buckets as stored
 from acqd.storage import known_rows
-from acqd.storage.buckets import Buckets
+from acqd.storage.buckets import Buckets, Kept
 
 _MINUTE_S, _QUARTER_S = 60, 900
 _MINUTES_UP_TO_S = 10 * 86_400
@@ -36,22 +36,59 @@ def read_account(
 
     `months`: Unix times [s] between which demands of months are wanted.
     """
-    begin, end = boundaries[0], boundaries[-1]
-    seconds = resolution(boundaries, tariff)
-    first, last = begin // seconds * seconds, -(-end // seconds) * seconds
     with engine.connect() as connection:
-        channel = _channel(device, stored.channels(connection, device, begin, end))
-        buckets, before = stored.read_buckets(connection, device, channel, seconds, first, last)
+        readings = _Readings(connection, device, boundaries[0], boundaries[-1], resolution(boundaries, tariff))
+        return readings.account(boundaries, tariff, months)
+
+
+def read_accounts(
+    engine: sa.Engine, device: str, spans: Sequence[Sequence[int]], tariff: Tariff | None, kept: Kept | None = None,
+    seconds: int | None = None,
+) -> list[Account]:  # fmt: skip
+    """Accounts between several boundaries, Unix times [s], from one reading of buckets of 60 or 900 `seconds`.
+
+    Raises UserError where the device has no rows.
+    """
+    begin, end = min(span[0] for span in spans), max(span[-1] for span in spans)
+    with engine.connect() as connection:
+        readings = _Readings(connection, device, begin, end, seconds or resolution([begin, *chain(*spans), end], tariff), kept)
+        return [readings.account(span, tariff) for span in spans]
+
+
+class _Readings:
+    """The buckets of a device, read once."""
+
+    def __init__(
+        self, connection: sa.Connection, device: str, begin: int, end: int, seconds: int, kept: Kept | None = None
+    ) -> None:
+        first, last = begin // seconds * seconds, -(-end // seconds) * seconds
+        self._connection, self._device = connection, device
+        self._channel = channel = channel_of(device, stored.channels(connection, device, begin, end))
+        self._buckets, _ = stored.read_buckets(connection, device, channel, seconds, first, last, kept)
         interval = stored.row_interval(connection, device, channel, max(begin - _LOOK_BACK_S, 0), end)
-        interval = interval or _usual_interval(buckets)
+        self._interval = interval or _usual_interval(self._buckets)
+        self._seconds = seconds
+        self._simulated = stored.has_flag(connection, device, channel, begin, end, "simulated")
 
-        def first_reading(since: int, until: int) -> float | None:
-            return stored.first_reading(connection, device, channel, since, until)
+    def account(self, boundaries: Sequence[int], tariff: Tariff | None, months: Sequence[int] = ()) -> Account:
+        """Periods between boundaries within what was read."""
+        buckets, before = self._between(boundaries[0], boundaries[-1])
+        stretches = stretches_of(buckets, self._interval, boundaries, self._first_reading)
+        account = account_of(
+            self._device, self._channel, buckets, before, stretches, self._interval, boundaries, tariff, months
+        )
+        return replace(account, remarks=_remarks(account, buckets, self._interval), simulated=self._simulated)
 
-        stretches = stretches_of(buckets, interval, boundaries, first_reading)
-        account = account_of(device, channel, buckets, before, stretches, interval, boundaries, tariff, months)
-        simulated = stored.has_flag(connection, device, channel, begin, end, "simulated")
-    return replace(account, remarks=_remarks(account, buckets, interval), simulated=simulated)
+    def _between(self, begin: int, end: int) -> tuple[Buckets, int]:
+        """Buckets between two Unix times [s] and the newest before with a reading, and how many lie before: 0 or 1."""
+        start, seconds = self._buckets.start, self._seconds
+        first, last = np.searchsorted(start, [begin // seconds * seconds, end]).tolist()
+        before = next((k for k in range(first - 1, -1, -1) if self._buckets.W[k] is not None), None)
+        chosen = [*([] if before is None else [before]), *range(first, last)]
+        return self._buckets.chosen(chosen), int(before is not None)
+
+    def _first_reading(self, since: int, until: int) -> float | None:
+        return stored.first_reading(self._connection, self._device, self._channel, since, until)
 
 
 def resolution(boundaries: Sequence[int], tariff: Tariff | None) -> int:
@@ -62,7 +99,7 @@ def resolution(boundaries: Sequence[int], tariff: Tariff | None) -> int:
     return _MINUTE_S
 
 
-def _channel(device: str, channels: set[str]) -> str:
+def channel_of(device: str, channels: set[str]) -> str:
     """The total where there is one, else the only channel. Raises UserError."""
     if "total" in channels:
         return "total"

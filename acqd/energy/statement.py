@@ -10,31 +10,11 @@ from zoneinfo import ZoneInfo
 import sqlalchemy as sa
 
 from acqd.energy.account import Account, Period, sum_of
+from acqd.energy.comparison import Comparison, compare
 from acqd.energy.periods import Range, Split, boundaries, label
 from acqd.energy.read import devices, read_account
 from acqd.energy.tariff import Tariff
 from acqd.errors import InputError, UserError
-
-_COMPARABLE = 0.99
-"""Least share of a range with rows for a comparison of energies; below, mean powers are compared."""
-
-
-@dataclass(frozen=True, slots=True)
-class Comparison:
-    """A range beside the one before."""
-
-    quantity: str
-    """kWh, or mean W where rows lack in one of the two."""
-    now: float
-    before: float
-    begin: int
-    """Unix s of the range before."""
-    end: int
-
-    @property
-    def change(self) -> float | None:
-        """Relative; None where the value before is 0."""
-        return None if not self.before else self.now / self.before - 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,11 +107,4 @@ def _compare(engine: sa.Engine, names: Sequence[str], total: Period, earlier: Ra
         raise
     except UserError:
         return "no rows of the period before"
-    if total.kWh is None or before.kWh is None:
-        return "no energy is known of one of the two periods"
-    shares = [one.known_s / (one.end - one.begin) for one in (total, before)]
-    if min(shares) >= _COMPARABLE:
-        return Comparison("kWh", total.kWh, before.kWh, earlier.begin, earlier.end)
-    if total.mean_W is None or before.mean_W is None:
-        return "rows lack in one of the two periods"
-    return Comparison("mean W", total.mean_W, before.mean_W, earlier.begin, earlier.end)
+    return compare(total, before)

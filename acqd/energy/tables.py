@@ -8,7 +8,8 @@ from datetime import datetime
 from typing import Any
 
 from acqd.energy.account import Account, Demand, Period
-from acqd.energy.statement import Comparison, Statement
+from acqd.energy.comparison import Comparison
+from acqd.energy.statement import Statement
 from acqd.energy.stretches import NWH_PER_KWH
 
 _DIGITS = 12

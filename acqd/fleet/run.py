@@ -30,6 +30,8 @@ class FleetConfig:
     jobs: int = 1
     engine: Engine = "process"
     ray_address: str | None = None
+    EUR_per_kWh: float | None = None
+    """Mean price; None: energies of causes have no cost."""
 
 
 def run_fleet(config: FleetConfig, progress: Progress) -> FleetReport:
@@ -47,7 +49,7 @@ def run_fleet(config: FleetConfig, progress: Progress) -> FleetReport:
         causes = _cause_tasks(fleet, tasks, {row["name"]: row for row in rows if row["state"] == "changed"})
         found = _all(config, find_cause, causes, _shown(progress, "closing the loop", _SCREENING, 1.0))
         progress("writing", 1.0)
-        report = report_of(fleet, rows, found)
+        report = report_of(fleet, rows, found, config.EUR_per_kWh)
         write_report(out, fleet, report)
         return report
 

@@ -74,9 +74,13 @@ def _row(each: Mapping[str, Any], q: float | None, rate: float) -> Row:
     }
 
 
-def report_of(fleet: Fleet, rows: list[Row], causes: Mapping[str, Mapping[str, Any]]) -> FleetReport:
-    """Rows with causes, and what they share."""
-    rows = [_with_cause(row, causes.get(row["name"])) for row in rows]
+def report_of(
+    fleet: Fleet, rows: list[Row], causes: Mapping[str, Mapping[str, Any]], EUR_per_kWh: float | None = None
+) -> FleetReport:
+    """Rows with causes, and what they share; with a mean price, also the cost of a year."""
+    rows = [_with_cause(row, causes.get(row["name"]), EUR_per_kWh) for row in rows]
+    devices = {robot.name: robot.device for robot in fleet.robots}
+    rows = [row | {"device": devices.get(row["name"])} for row in rows]
     shared = shared_causes(rows, fleet.settings)
     number = {name: k for k, each in enumerate(shared, start=1) for name in each["robots"]}
     rows = [row | {"shared": number.get(row["name"])} for row in rows]
@@ -88,11 +92,23 @@ def report_of(fleet: Fleet, rows: list[Row], causes: Mapping[str, Mapping[str, A
     return FleetReport(rows, shared, tests)
 
 
-def _with_cause(row: Row, result: Mapping[str, Any] | None) -> Row:
+def _with_cause(row: Row, result: Mapping[str, Any] | None, price: float | None) -> Row:
     if result is None:
         return row
     if "error" in result:
         return row | {"error": result["error"]}
     cause = result["cause"]
     notes = [*row["notes"], *([cause["reason"]] if cause["reason"] else [])]
-    return row | {"verdict": cause["verdict"], "effects": cause["effects"], "report": cause["report"], "notes": notes}
+    effects = [_priced(effect, price) for effect in cause["effects"]]
+    return row | {"verdict": cause["verdict"], "effects": effects, "report": cause["report"], "notes": notes}
+
+
+def _priced(effect: dict[str, Any], price: float | None) -> dict[str, Any]:
+    """An effect with the cost of its energy of a year: prices change more often than causes are searched."""
+    year = effect.get("a_year")
+    if year is None or price is None:
+        return effect
+    bounds = year["kWh_ci95"]
+    cost = {"EUR": price * year["kWh"], "EUR_per_kWh": price,
+            "EUR_ci95": None if bounds is None else [price * each for each in bounds]}  # fmt: skip
+    return {**effect, "a_year": year | cost}

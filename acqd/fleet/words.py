@@ -54,14 +54,15 @@ def how_much(row: Row) -> str:
 
 
 def a_year(row: Row) -> str:
-    """Energy per year of every cause with its 95 % interval; results of earlier versions have none."""
+    """Energy per year of every cause with its 95 % interval, and its cost; results of earlier versions have none."""
     texts = []
     for effect in row["effects"]:
         year = effect.get("a_year")
         if year is not None:
             bounds = year["kWh_ci95"]
             interval = f" ({number(bounds[0])} to {number(bounds[1])})" if bounds else ""
-            texts.append(f"{number(year['kWh'])} kWh{interval}")
+            cost = f", {number(year['EUR'])} EUR" if year["EUR"] is not None else ""
+            texts.append(f"{number(year['kWh'])} kWh{interval}{cost}")
     return "; ".join(texts)
 
 

@@ -63,6 +63,9 @@ def _planned(path: Path) -> Upgrade:
         notes.append("mqtt.queue had no effect: rows wait in the spool")
     together = merged(path, config)
     values = together.values | missing_users(config, path.parent)
+    if "tariff" in data.get("web", {}):
+        values |= {"web.tariff": None, "energy.tariff": data["web"]["tariff"]}
+        notes.append("web.tariff is now energy.tariff: of the page and of everything else that shows a cost")
     _set(document, values)
     notes += together.notes
     for key, user in values.items():

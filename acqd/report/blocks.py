@@ -32,15 +32,44 @@ class Link:
 
 
 @dataclass(frozen=True, slots=True)
+class Spark:
+    """A cell with a course as a small line, and the course in words for those who cannot see it."""
+
+    text: str
+    values: tuple[float | None, ...]
+    """None interrupts the line."""
+    alt: str
+
+    @property
+    def path(self) -> str:
+        """SVG path in a box of 60 x 16, from zero to the largest value."""
+        most = max((value for value in self.values if value is not None), default=0.0) or 1.0
+        step = 60 / max(len(self.values) - 1, 1)
+        parts, pen = [], "M"
+        for k, value in enumerate(self.values):
+            if value is None:
+                pen = "M"
+                continue
+            parts.append(f"{pen}{step * k:.1f} {15 - 14 * max(value, 0.0) / most:.1f}")
+            pen = "L"
+        return "".join(parts)
+
+
+Cell = str | Link | Spark
+
+
+@dataclass(frozen=True, slots=True)
 class Table:
     """Cells as text; columns of words are aligned to the left."""
 
     kind: ClassVar[str] = "table"
     label: str
     header: list[str]
-    rows: list[list[str | Link]]
+    rows: list[list[Cell]]
     classes: list[str]
     """Of the style sheet, per column: words (sentences), text (to the left), short (no line breaks)."""
+    sortable: bool = False
+    """The script adds buttons that sort by a column, and a field that filters rows."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,12 +130,12 @@ class Section:
     blocks: list[Block] = field(default_factory=list)
 
 
-def table_of(label: str, header: Sequence[str], rows: Sequence[Sequence[object]]) -> Table:
+def table_of(label: str, header: Sequence[str], rows: Sequence[Sequence[object]], *, sortable: bool = False) -> Table:
     """A table of any cells; floats are shown to four significant digits at most."""
     texts = [[_cell(cell) for cell in row] for row in rows]
-    plain = [[cell.text if isinstance(cell, Link) else cell for cell in row] for row in rows]
+    plain = [[cell.text if isinstance(cell, (Link, Spark)) else cell for cell in row] for row in rows]
     columns = [[row[column] for row in plain] for column in range(len(header))]
-    return Table(label, list(header), texts, ["", *map(_classes, columns[1:])])
+    return Table(label, list(header), texts, ["", *map(_classes, columns[1:])], sortable)
 
 
 def _classes(column: Sequence[object]) -> str:
@@ -126,7 +155,7 @@ def _is_prose(cell: object) -> bool:
     return text.count(" ") >= 2 and sum(character.isdigit() for character in text) < len(text) / 4
 
 
-def _cell(value: object) -> str | Link:
-    if isinstance(value, Link):
+def _cell(value: object) -> Cell:
+    if isinstance(value, (Link, Spark)):
         return value
     return number(value, 3) if isinstance(value, float) else str(value)

@@ -59,11 +59,11 @@ class Page:
         """Add a paragraph."""
         self._blocks.append(Text(text))
 
-    def table(self, header: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
-        """Add a table; floats are shown to three significant digits."""
+    def table(self, header: Sequence[str], rows: Sequence[Sequence[object]], *, sortable: bool = False) -> None:
+        """Add a table; floats are shown to three significant digits. `sortable`: readers may sort and filter it."""
         self._tables += 1
         label = f"Table {self._tables}: {', '.join(name for name in header if name)}"
-        self._blocks.append(table_of(label, header, rows))
+        self._blocks.append(table_of(label, header, rows, sortable=sortable))
 
     def lines(self, chart: Chart, caption: str, source: str = "") -> None:
         """Add a chart that shows the values below the pointer; `source` becomes a footnote."""

@@ -16,6 +16,8 @@ from acqd.storage.schema import ROLLUPS, power
 from acqd.timestamps import filetime
 
 _TICKS = 10_000_000
+_FULL = 0.998
+"""Share of the rows of the fullest bucket: a row more or less is how buckets and rows lie to each other."""
 _Row: TypeAlias = tuple[int, int, int, float | None, float | None, float | None, float | None]
 """Start [s], length [s], number of rows; mean, least and largest P [W]; W at the end [kWh]."""
 
@@ -37,6 +39,14 @@ class Buckets:
     W: tuple[float | None, ...]
     """[n] kWh, reading after the last row."""
 
+    def chosen(self, places: Sequence[int]) -> Buckets:
+        """Some of them, by their places."""
+        at = np.array(places, dtype=np.int64)
+        return Buckets(
+            self.start[at], self.seconds[at], self.rows[at], self.P[at], self.P_min[at], self.P_max[at],
+            tuple(self.W[k] for k in places),
+        )  # fmt: skip
+
     @classmethod
     def of(cls, rows: Sequence[_Row]) -> Buckets:
         """From rows of SQL, in any order."""
@@ -46,8 +56,26 @@ class Buckets:
         return cls(start, seconds, count, P, P_min, P_max, tuple(row[6] for row in ordered))
 
 
+class Kept:
+    """Buckets of rows that have been read and are full: whoever asks again and again reads only what is new."""
+
+    def __init__(self) -> None:
+        self._rows: dict[int, _Row] = {}
+
+    def between(self, begin: int, end: int, known: Sequence[_Row]) -> list[_Row]:
+        """Kept buckets between two Unix times [s], without those that have a roll-up; older ones are forgotten."""
+        rolled_up = {row[0] for row in known}
+        self._rows = {start: row for start, row in self._rows.items() if start >= begin and start not in rolled_up}
+        return [row for row in self._rows.values() if row[0] + row[1] <= end]
+
+    def add(self, rows: Sequence[_Row]) -> None:
+        """Keep those that lack hardly a row: into the others, rows may still come."""
+        usual = max((row[2] for row in rows), default=0)
+        self._rows |= {row[0]: row for row in rows if row[2] >= _FULL * usual}
+
+
 def read_buckets(
-    connection: sa.Connection, device: str, channel: str, seconds: int, begin: int, end: int
+    connection: sa.Connection, device: str, channel: str, seconds: int, begin: int, end: int, kept: Kept | None = None
 ) -> tuple[Buckets, int]:
     """Buckets of `seconds` (60 or 900) between two Unix times [s] that are multiples of it, and the one before.
 
@@ -59,8 +87,12 @@ def read_buckets(
         have = {row[0] // 900 for row in found}
         coarse = _rolled_up(connection, device, channel, 900, begin - begin % 900, end)
         found += [row for row in coarse if row[0] // 900 not in have and begin <= row[0] and row[0] + 900 <= end]
+    found += kept.between(begin, end, found) if kept is not None else []
     for first, last in _missing(found, begin, end):
-        found += _from_rows(connection, device, channel, seconds, first, last)
+        rows = _from_rows(connection, device, channel, seconds, first, last)
+        found += rows
+        if kept is not None:
+            kept.add(rows)
     before = _before(connection, device, channel, begin)
     return Buckets.of([*before, *found]), len(before)
 
@@ -153,17 +185,7 @@ def _missing(found: Sequence[_Row], begin: int, end: int) -> Iterator[tuple[int,
 def _from_rows(connection: sa.Connection, device: str, channel: str, seconds: int, begin: int, end: int) -> list[_Row]:
     """Buckets of rows, as `maintain` makes them."""
     if connection.dialect.name == "sqlite" and not conversion.unfinished(connection):
-        where, parameters = numbered_rows.of_channel(connection, device, channel)
-        if not where:
-            return []
-        ticks = f"{_TICKS * seconds}"
-        query = (
-            f"SELECT (filetime - {filetime(0)}) / {ticks} * {seconds} AS start, {seconds}, count(*), avg(P), min(P),"
-            f" max(P), max(filetime) FROM power_row WHERE filetime >= ? AND filetime < ? AND {where} GROUP BY 1"
-        )
-        rows = connection.exec_driver_sql(query, (_ticks(begin), _ticks(end), *parameters)).all()
-        at_end = f"SELECT max(W) FROM power_row WHERE filetime = ? AND {where}"
-        return [(*row[:6], connection.exec_driver_sql(at_end, (row[6], *parameters)).scalar()) for row in rows]
+        return _from_numbered(connection, device, channel, seconds, _ticks(begin), _ticks(end))
     c = power.c
     start = ((c.filetime - filetime(0)) // (_TICKS * seconds) * seconds).label("start")
     columns = (start, sa.literal(seconds), sa.func.count(), sa.func.avg(c.P), sa.func.min(c.P), sa.func.max(c.P))
@@ -171,6 +193,37 @@ def _from_rows(connection: sa.Connection, device: str, channel: str, seconds: in
     grouped = sa.select(*columns, sa.func.max(c.filetime)).where(*within).group_by(sa.text("start"))
     rows = connection.execute(grouped).all()
     return [(*row[:6], _reading(connection, device, channel, row[6], row[6] + 1, newest=True)) for row in rows]
+
+
+def _from_numbered(
+    connection: sa.Connection, device: str, channel: str, seconds: int, first: int, last: int
+) -> list[_Row]:
+    """The same in SQLite, by the ids of the device's runs: rows of other devices are not looked at."""
+    start = f"(filetime - {filetime(0)}) / {_TICKS * seconds} * {seconds}"
+    query = (
+        f"SELECT {start} AS start, {seconds}, count(*), avg(P), min(P), max(P), max(filetime) FROM power_row NOT INDEXED"
+        " WHERE id >= ? AND id < ? AND id & 3 = ? AND filetime >= ? AND filetime < ? GROUP BY 1"
+    )
+    at_end = "SELECT max(W) FROM power_row WHERE filetime = ? AND +id >= ? AND +id < ? AND id & 3 = ?"  # by the time
+    buckets: dict[int, tuple[Any, ...]] = {}
+    for low, high, code in numbered_rows.ids_between(connection, device, channel, first, last):
+        for row in connection.exec_driver_sql(query, (low, high, code, first, last)):
+            other = buckets.get(row[0])
+            buckets[row[0]] = (*row, low, high, code) if other is None else _both(other, (*row, low, high, code))
+    found: list[_Row] = []
+    for *row, ticks, low, high, code in buckets.values():
+        found.append((*row, connection.exec_driver_sql(at_end, (ticks, low, high, code)).scalar()))
+    return found
+
+
+def _both(one: tuple[Any, ...], other: tuple[Any, ...]) -> tuple[Any, ...]:
+    """A bucket in which a daemon has been started again: rows of two runs, and where the newest is."""
+    rows = one[2] + other[2]
+    P = [(bucket[2], bucket[3]) for bucket in (one, other) if bucket[3] is not None]
+    mean = sum(n * p for n, p in P) / sum(n for n, _ in P) if P else None
+    least, most = ([bucket[k] for bucket in (one, other) if bucket[k] is not None] for k in (4, 5))
+    newest = max(one, other, key=lambda bucket: bucket[6])
+    return (*one[:2], rows, mean, min(least, default=None), max(most, default=None), *newest[6:])
 
 
 def _reading(

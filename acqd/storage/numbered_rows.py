@@ -65,14 +65,36 @@ def runs(connection: sa.Connection, device: str, boot: str) -> list[tuple[int, s
     return [(int(number), str(name), int(base)) for number, name, base in found]
 
 
-def of_channel(connection: sa.Connection, device: str, channel: str) -> tuple[str, tuple[int, ...]]:
-    """Condition on `id` and its parameters for the rows of a device and channel; empty where there are no runs."""
+def ids_between(
+    connection: sa.Connection, device: str, channel: str, first: int, last: int
+) -> list[tuple[int, int, int]]:
+    """Of every run of a device and channel with rows of `first` <= filetime < `last`: least id, id after the last, code.
+
+    Within a run, time rises with the id (ADR 16), so both ends are found by bisection; `id & 3` is the code.
+    """
     code = _CODES.get(channel)
     query = "SELECT id FROM power_run WHERE device = ? AND channel = ?"
-    found = tuple(connection.exec_driver_sql(query, (device, "" if code is not None else channel)).scalars())
-    if not found:
-        return "", ()
-    return f"id & 3 = {code or 0} AND id >> 34 IN ({', '.join('?' * len(found))})", found
+    found = []
+    for run in connection.exec_driver_sql(query, (device, "" if code is not None else channel)).scalars().all():
+        low, high = (_first_id(connection, run, ticks) for ticks in (first, last))
+        if low < high:
+            found.append((low, high, code or 0))
+    return found
+
+
+def _first_id(connection: sa.Connection, run: int, ticks: int) -> int:
+    """The least id of a run whose row, or the next one after it, has filetime >= `ticks`; else the end of the run."""
+    low, high = run << 34, (run + 1) << 34
+    end = high
+    while low < high:
+        middle = (low + high) // 2
+        query = "SELECT filetime FROM power_row WHERE id >= ? AND id < ? ORDER BY id LIMIT 1"
+        at = connection.exec_driver_sql(query, (middle, end)).scalar()
+        if at is None or at >= ticks:
+            high = middle
+        else:
+            low = middle + 1
+    return low
 
 
 def last_of_run(connection: sa.Connection, run: int, channel: str) -> tuple[int, float] | None:

@@ -124,6 +124,17 @@ def _rollup(name: str) -> sa.Table:
 
 power_1min = _rollup("power_1min")
 power_15min = _rollup("power_15min")
+energy_quarter = sa.Table(
+    "energy_quarter",
+    metadata,
+    sa.Column("device", sa.Text, nullable=False),
+    sa.Column("start", _BIG, nullable=False),
+    *(sa.Column(name, sa.Double) for name in ("kWh", "EUR", "missing_s")),
+    sa.Column("tariff", sa.Text, nullable=False),
+    sa.PrimaryKeyConstraint("device", "start"),
+)
+"""Energy and cost of every quarter hour with rows, by the tariff of then; where [energy] has a tariff."""
+
 prediction_log = sa.Table(
     "prediction_log",
     metadata,

@@ -10,12 +10,14 @@ where the broker knows no 5.
 from __future__ import annotations
 
 import logging
+import socket
 import time
 from collections.abc import Callable
 
 import orjson
 import sqlalchemy as sa
 
+from acqd import __version__
 from acqd.changes import Repeats
 from acqd.retry import LOCAL_NETWORK, Backoff
 from acqd.storage.clock_witness import ClockWitness
@@ -29,6 +31,7 @@ from acqd.telemetry.mqtt import BrokerAddress, is_refusal, refusal
 from acqd.telemetry.receipts import answer, receipts
 from acqd.telemetry.subscriber import NO_ANSWER, Subscriber, SubscriberError
 from acqd.telemetry.wire import UNSUPPORTED, V5, V311, Publish
+from acqd.timestamps import rfc3339
 
 _log = logging.getLogger(__name__)
 _TOPICS = (
@@ -73,6 +76,7 @@ class Sink:
         self._since = self._fed = 0.0
         self._announced = False
         self._said: set[str] = set()
+        self._started = rfc3339(time.time_ns())
         self.counters = SinkCounters()
 
     @property
@@ -207,7 +211,8 @@ class Sink:
             subscriber.publish(topics.sink_status(self._settings.client_id), self._announcement(recall=True))
 
     def _announcement(self, **more: bool) -> bytes:
-        return orjson.dumps({"state": "online", "sink": self._settings.client_id, "schema": 1, **more})
+        about = {"version": __version__, "host": socket.gethostname(), "started": self._started}
+        return orjson.dumps({"state": "online", "sink": self._settings.client_id, "schema": 1, **about, **more})
 
     def _count(self, committer: Committer) -> list[tuple[Batch, Written]]:
         """What was committed since the last call."""

@@ -34,8 +34,11 @@ _LOOKS = 61
 class Upkeep:
     """A thread; other threads read its attributes."""
 
-    def __init__(self, engine: sa.Engine, retention: Retention) -> None:
-        self._engine, self._retention = engine, retention
+    def __init__(
+        self, engine: sa.Engine, retention: Retention, costs: Callable[[sa.Engine], object] = lambda _: None
+    ) -> None:
+        """`costs` is called at every look, in the thread: it keeps a table of costs up to date."""
+        self._engine, self._retention, self._costs = engine, retention, costs
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name="upkeep", daemon=True)
         self._free: deque[tuple[float, int]] = deque(maxlen=_LOOKS)
@@ -64,6 +67,7 @@ class Upkeep:
                     pause_s = _BETWEEN_S
                 elif time.monotonic() - begun >= _FIRST_S:
                     self.run_if_due()
+                    self._costs(self._engine)
             except sa.exc.DBAPIError as error:
                 self._say(f"maintenance: {first_line(error)}; trying again")
             except UserError as error:

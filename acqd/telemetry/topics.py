@@ -132,6 +132,11 @@ def status(device: str) -> str:
     return f"acqd/{device}/status"
 
 
+def energy(device: str) -> str:
+    """Energy and cost of today and this week, and the price now; retained. `acqd bridge homeassistant` publishes it."""
+    return f"acqd/{device}/energy"
+
+
 def ask(device: str) -> str:
     """What a daemon asks the sinks, and another daemon of its name (telemetry.ask)."""
     return f"acqd/{device}/ask"

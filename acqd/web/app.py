@@ -51,7 +51,7 @@ class Site:
         self.hub = Hub(settings.broker, self._posture)
         self._scope = Scope(settings.health)
         self._loop = LoopRoutes(settings, self._database)
-        self._days = EnergyOfDays(settings.section.tariff)
+        self._days = EnergyOfDays(settings.energy)
         self._engine: sa.Engine | None = None
         self._assets = {path.name for path in _ASSETS.iterdir() if path.suffix in _SUFFIXES}
 

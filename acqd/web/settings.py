@@ -7,6 +7,8 @@ import secrets
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from acqd.daemon.config import Config
+from acqd.daemon.energy_section import EnergySection
 from acqd.daemon.health.section import HealthSection
 from acqd.daemon.web_section import WebSection
 from acqd.telemetry.mqtt import BrokerAddress
@@ -26,6 +28,8 @@ class WebSettings:
     """Asked for in the address; None: nobody is asked."""
     section: WebSection = field(default_factory=WebSection)
     """Robot, folders and the loop."""
+    energy: EnergySection = field(default_factory=EnergySection)
+    """Tariff and zone."""
     archive: Path | None = None
     """Where the daemon keeps samples; None: nowhere."""
 
@@ -36,12 +40,14 @@ class WebSettings:
         return f"http://{host}:{self.port}/{f'?token={self.token}' if self.token else ''}"
 
 
-def settings_of(
-    broker: BrokerAddress, database: str, health: HealthSection, section: WebSection, archive: Path | None = None
-) -> WebSettings:
-    """The settings of [web]."""
+def settings_of(config: Config, database: str, section: WebSection) -> WebSettings:
+    """The settings of [web], as the command line may have changed it."""
     token = token_for(section.host, section.token or None)
-    return WebSettings(broker, database, health, section.host, section.port, token, section, archive)
+    archive = config.archive.place(config.state_dir, config.device) if config.archived else None
+    return WebSettings(
+        config.mqtt.address(), database, config.health, section.host, section.port, token, section, config.energy,
+        archive,
+    )  # fmt: skip
 
 
 def token_for(host: str, given: str | None) -> str | None:

@@ -10,14 +10,19 @@ import subprocess
 import sys
 import urllib.parse
 import urllib.request
+from fractions import Fraction
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from threading import Thread
+from zoneinfo import ZoneInfo
 
 import numpy as np
 import pytest
 
 from acqd.daemon.health.metrics import CONTENT_TYPE, metrics
 from acqd.daemon.health.snapshot import Cycles, Delivery, Link, Snapshot
+from acqd.energy.quarters import Quarters
+from acqd.energy.rules import Rules
+from acqd.energy.tariff import Tariff
 from acqd.sidecar.store import Done, Store
 from acqd.storage.database import open_database, transaction
 from acqd.storage.maintain import Retention, maintain
@@ -52,6 +57,9 @@ def filled(postgres):
     with transaction(engine) as connection:
         insert(connection, rows)
     maintain(engine, Retention(0, 0, 0))
+    tariff = Tariff("works", price=Fraction(1, 2))
+    quarters = Quarters(Rules(tariff, ZoneInfo("Europe/Berlin")), lambda: BEGIN + 1800.0)
+    assert quarters.update(engine) == 2 and quarters.update(engine) == 0
     stamps = np.array([filetime((BEGIN + 10 * k) * 10**9) for k in range(20)])
     Store(engine, "cell").commit(Done("a", "a.log", "m", "ok", {}, stamps, np.full(20, 5.0), np.full(20, 4.0)), {})
     return engine
@@ -71,6 +79,8 @@ def test_every_sql_query_is_answered_by_postgresql(filled):
         by_title = {panel["title"]: panel["targets"][0].get("rawSql") for panel in panels()}
         energy = sql(by_title["Energy in this span"], *SPANS[1], device="'cell'")
         assert connection.exec_driver_sql(energy).scalar() == pytest.approx(0.9)
+        cost = sql(by_title["Cost in this span"], *SPANS[1], device="'cell'")
+        assert connection.exec_driver_sql(cost).scalar() == pytest.approx(0.5 * 1.79)
         power = sql(by_title["Power"], *SPANS[0], device="'cell'", channel="'L1'")
         assert [row[2] for row in connection.exec_driver_sql(power)] == [100.0 + k for k in range(61)]
         devices = json.loads(DASHBOARD.read_text())["templating"]["list"][0]["query"]

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import asyncio
 import json
+from fractions import Fraction
 from pathlib import Path
+from zoneinfo import ZoneInfo
 
 import aiomqtt
 import orjson
 import pytest
 
 from acqd import __version__
+from acqd.energy.account import Period
+from acqd.energy.running import Price, Running
 from acqd.integrations.bridge import Relay
 from acqd.integrations.daemons import Daemons
 from acqd.integrations.homeassistant.discovery import Discovery
@@ -82,6 +86,50 @@ def test_a_daemon_that_watches_the_voltage_has_event_entities():
     assert not list(discovery.take(*status("hall", events=[3, "a/b"]))) and not list(discovery.take(*status("x")))
     (gone,) = Removal().take(sent.topic, sent.payload)
     assert (gone.topic, gone.payload) == (sent.topic, b"")
+
+
+MIDNIGHT = 1_795_647_600  # 2026-11-26 in Berlin
+
+
+def running(since, EUR, price=0.25):
+    def period(begin, cost):
+        values = {"begin": begin, "end": begin + 3600, "nWh": 2 * 10**12, "known_s": 3600.0, "mean_W": 2000.0,
+                  "max_W": 2000.0, "demand": None, "unpriced_nWh": 0, "co2_kg": None, "standby_nWh": 10**12}  # fmt: skip
+        return Period(**values, cost=cost)
+
+    today, yesterday = period(since, EUR), period(since - 86_400, Fraction(7, 2))
+    now = None if price is None else Price(price, 0.08)
+    return Running("cell.1", ZoneInfo("Europe/Berlin"), today, yesterday, today, yesterday, now)
+
+
+def test_costs_are_entities_of_the_energy_dashboard_and_a_day_is_completed_at_midnight():
+    news = []
+    discovery = Discovery(energies=lambda: news.pop() if news else None)
+    assert not list(discovery.tick())
+    news.append([running(MIDNIGHT, Fraction(1, 2))])
+    *configurations, state = discovery.tick()
+    made = {message.topic: orjson.loads(message.payload) for message in configurations}
+    cost = made[f"homeassistant/sensor/acqd_{node('cell.1')}/cost_today/config"]
+    assert (cost["device_class"], cost["state_class"], cost["unit_of_measurement"]) == ("monetary", "total", "EUR")
+    assert cost["state_topic"] == state.topic == "acqd/cell.1/energy" and state.retain and cost["expire_after"] == 300
+    price = made[f"homeassistant/sensor/acqd_{node('cell.1')}/price/config"]
+    assert price["unit_of_measurement"] == "EUR/kWh" and len(made) == 3
+    content = orjson.loads(state.payload)
+    assert content["today"] == {
+        "kWh": 2.0, "EUR": 0.5, "unpriced_kWh": 0.0, "missing_s": 0.0, "since": "2026-11-26T00:00:00+01:00",
+    }  # fmt: skip
+    assert (content["price"], content["standby_percent"]) == (0.25, 50.0)
+    news.append([running(MIDNIGHT + 86_400, Fraction(0))])
+    completed, after = (orjson.loads(message.payload)["today"] for message in discovery.tick())
+    assert (completed["EUR"], completed["since"][:10], after["since"][:10]) == (3.5, "2026-11-26", "2026-11-27")
+    (gone,) = Removal().take(configurations[0].topic, configurations[0].payload)
+    assert gone.payload == b""
+
+
+def test_without_a_price_no_cost_is_announced():
+    discovery = Discovery(energies=lambda: [running(MIDNIGHT, None, None)])
+    names = [message.topic.split("/")[-2] for message in discovery.tick() if message.topic.endswith("/config")]
+    assert names == ["standby_share"]
 
 
 @pytest.mark.parametrize("payload", [b"", b"{", b"[]", b"null", b'{"device": "cell.1"}', summary("other")[1]])

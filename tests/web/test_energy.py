@@ -7,7 +7,9 @@ from datetime import UTC, datetime
 
 import pytest
 
+from acqd.daemon.energy_section import EnergySection
 from acqd.errors import UserError
+from acqd.storage.buckets import Kept, read_buckets
 from acqd.storage.database import open_database
 from acqd.storage.maintain import Retention, maintain
 from acqd.storage.writer import Writer
@@ -37,22 +39,57 @@ def week(engine, monkeypatch):
 
 
 def test_days_begin_at_local_midnight(week):
-    answer = EnergyOfDays(None).of(week, row(0).device)
+    answer = EnergyOfDays(EnergySection()).of(week, row(0).device)
     assert answer["zone"] == "Europe/Berlin"
     assert answer["today"]["kWh"] == pytest.approx(7 * 0.6, abs=0.61)  # 07:00 in Berlin
     assert answer["yesterday"]["kWh"] == pytest.approx(24 * 0.6, abs=0.01)
     assert answer["week"]["kWh"] == pytest.approx((3 * 24 + 7) * 0.6, abs=0.61)
     assert answer["today"]["EUR"] is None
-    nothing = EnergyOfDays(None).of(week, "nobody")
+    nothing = EnergyOfDays(EnergySection()).of(week, "nobody")
     assert nothing["today"]["kWh"] is None
 
 
 def test_a_tariff_says_what_they_cost(week, tmp_path):
     (tmp_path / "tariff.toml").write_text('zone = "Europe/Berlin"\n[[time_of_use]]\nprice = 0.5\n')
-    answer = EnergyOfDays(tmp_path / "tariff.toml").of(week, row(0).device)
+    answer = EnergyOfDays(EnergySection(tariff=tmp_path / "tariff.toml")).of(week, row(0).device)
     assert answer["yesterday"]["EUR"] == pytest.approx(12 * 0.6, abs=0.01)
     with pytest.raises(UserError, match="cannot be read"):
-        EnergyOfDays(tmp_path / "nowhere.toml")
+        EnergyOfDays(EnergySection(tariff=tmp_path / "nowhere.toml"))
+
+
+def test_this_week_is_compared_with_as_much_of_the_last_one(week):
+    answer = EnergyOfDays(EnergySection()).of(week, row(0).device)
+    assert answer["last_week"]["kWh"] == pytest.approx(47 * 0.6)  # from the first row, on Tuesday at 07:00
+    assert answer["against_last_week"]["quantity"] == "mean W"  # a day of last week lacks
+    assert answer["against_last_week"]["change"] == pytest.approx(0.0, abs=0.01)
+    assert answer["price"] is None and answer["standby_share"] is None and answer["trouble"] == ""
+
+
+def test_prices_that_have_ended_are_said_and_the_energy_stays(week, tmp_path):
+    (tmp_path / "prices.csv").write_text("time,price\n2023-11-15T00:00Z,100\n2023-11-15T01:00Z,120\n")
+    (tmp_path / "tariff.toml").write_text('zone = "Europe/Berlin"\n[series]\nfile = "prices.csv"\nunit = "EUR/MWh"\n')
+    answer = EnergyOfDays(EnergySection(tariff=tmp_path / "tariff.toml")).of(week, row(0).device)
+    assert answer["yesterday"]["kWh"] == pytest.approx(24 * 0.6, abs=0.01) and answer["yesterday"]["EUR"] is None
+    assert answer["price"] is None and "no value at" in answer["trouble"]
+
+
+def test_what_was_read_is_not_read_again_and_new_rows_are_seen(tmp_path):
+    """Two daemons' boots in one minute, and the same numbers with and without what is kept."""
+    engine = open_database(str(tmp_path / "p.sqlite"))
+    rows = [row(k, t=T0 + 0.5 * k, boot="a" if k < 500 else "b", W=0.001 * k, P=float(k)) for k in range(1000)]
+    Writer(engine).write([message(one) for one in rows[:960]])
+    kept = Kept()
+
+    def read(kept=None):
+        with engine.connect() as connection:
+            return read_buckets(connection, "cell1", "L1", 60, T0, T0 + 540, kept)[0]
+
+    assert len(read(kept).rows) == 8
+    Writer(engine).write([message(one) for one in rows[960:]])
+    again, whole = read(kept), read()
+    assert again.W == whole.W and again.rows.tolist() == whole.rows.tolist() == [120] * 8 + [40]
+    assert whole.P.tolist() == [60 * (2 * k + 1) - 0.5 for k in range(8)] + [979.5]
+    assert whole.P_max[4] == 599.0 and whole.W[4] == 0.599
 
 
 def test_a_span_of_the_past_ends_where_it_says(tmp_path):

@@ -8,6 +8,7 @@ import time
 import paho.mqtt.client as paho
 import pytest
 
+from acqd.daemon.energy_section import EnergySection
 from acqd.daemon.health.section import HealthSection
 from acqd.storage.database import open_database
 from acqd.storage.writer import Writer
@@ -89,7 +90,10 @@ def test_numbers_are_those_of_the_rows_and_come_back_after_a_restart(mosquitto, 
     begun = time.time()
     engine = open_database(database)
     Writer(engine).write([message(row(k, t=begun - 30 + 0.04 * k, P=77.0)) for k in range(100)])
-    settings = WebSettings(BrokerAddress("127.0.0.1", mosquitto.port), database, _HEALTH, port=free_port())
+    (tmp_path / "tariff.toml").write_text("price = 0.5\n")
+    energy = EnergySection(tariff=tmp_path / "tariff.toml")
+    broker = BrokerAddress("127.0.0.1", mosquitto.port)
+    settings = WebSettings(broker, database, _HEALTH, port=free_port(), energy=energy)
     served = Served(settings)
     try:
         with chromium() as browser:
@@ -107,6 +111,8 @@ def test_numbers_are_those_of_the_rows_and_come_back_after_a_restart(mosquitto, 
             assert page.get_attribute("#big", "data-seq") == "1001"
             shows(page, "#summary", "most 123.5")
             shows(page, "[data-energy=today] + span", "Wh")
+            shows(page, "#cost-now", "0.0617 EUR/h")  # 123.456 W at 0.5 EUR/kWh
+            shows(page, "#against-of", "no rows of last week")
             past_by_keyboard(page)
             send(publisher, 5, 10.0, device="press")
             publisher.publish("acqd/press/status", b"offline")

@@ -54,7 +54,7 @@ def made() -> str:
         .with_variable(_channels())
     )
     place = _Places()
-    for panel in [*_power(place), *_prediction(place), *_health(place)]:
+    for panel in [*_power(place), *_cost(place), *_prediction(place), *_health(place)]:
         board = board.with_panel(panel)
     model = json.loads(json.dumps(board.build(), cls=JSONEncoder))
     return json.dumps(_without_nulls(model), indent=1, sort_keys=True) + "\n"
@@ -103,6 +103,15 @@ def _power(place: _Places) -> list[Any]:
     ]
     panels += [_lines(title, queries.over_time(name), unit, place) for name, (title, unit) in _QUANTITIES.items()]
     return [*panels, _lines("Flagged rows", queries.FLAGGED, "percentunit", place)]
+
+
+def _cost(place: _Places) -> list[Any]:
+    return [
+        _number("Cost in this span", queries.COST, "currencyEUR", place),
+        _lines("Cost by hour", queries.COST_BY_HOUR, "currencyEUR", place),
+        _lines("Price paid, EUR per kWh", queries.PRICE, "currencyEUR", place),
+        _lines("Without rows, by hour", queries.WITHOUT_ROWS, "s", place),
+    ]
 
 
 def _prediction(place: _Places) -> list[Any]:

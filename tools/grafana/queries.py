@@ -46,6 +46,22 @@ ENERGY = (
     f" WHERE {_DEVICE} AND channel = 'total' AND $__unixEpochFilter(\"start\")"
 )
 """kWh between the first and the last quarter of an hour of the span."""
+COST = f'SELECT sum("EUR") AS value FROM v_energy_quarter WHERE {_DEVICE} AND $__timeFilter("time")'
+"""EUR in the span, by the quarter hours that `acqd sink` stores where [energy] has a tariff."""
+COST_BY_HOUR = (
+    'SELECT date_trunc(\'hour\', "time") AS "time", sum("EUR") AS cost FROM v_energy_quarter'
+    f' WHERE {_DEVICE} AND $__timeFilter("time") GROUP BY 1 ORDER BY 1'
+)
+PRICE = (
+    'SELECT date_trunc(\'hour\', "time") AS "time", sum("EUR") / nullif(sum("kWh"), 0) AS price'
+    f' FROM v_energy_quarter WHERE {_DEVICE} AND "EUR" IS NOT NULL AND $__timeFilter("time") GROUP BY 1 ORDER BY 1'
+)
+"""EUR per kWh that was paid."""
+WITHOUT_ROWS = (
+    'SELECT date_trunc(\'hour\', "time") AS "time", sum(missing_s) AS seconds FROM v_energy_quarter'
+    f' WHERE {_DEVICE} AND $__timeFilter("time") GROUP BY 1 ORDER BY 1'
+)
+"""Of the quarter hours that have some rows; the others are gaps of the series."""
 FLAGGED = (
     'SELECT "time", channel AS metric, flagged::float / greatest("rows", 1) AS value FROM v_power_1min'
     f' WHERE {_DEVICE} AND {_CHANNELS} AND $__unixEpochFilter("start") ORDER BY 1'

@@ -35,12 +35,15 @@ def energy(
     to: Annotated[str | None, typer.Option(help="End in local time, not included (default: now).")] = None,
     last: Annotated[str | None, typer.Option(help="Last complete day, week, month or year.")] = None,
     this: Annotated[str | None, typer.Option(help="Running day, week, month or year.")] = None,
-    by: Annotated[str, typer.Option(help="hour, day, week, month, shift or total.")] = "day",
-    tariff: Annotated[Path | None, typer.Option(help="TOML file with prices and CO2 factor (docs/energy.md).")] = None,
+    by: Annotated[str, typer.Option(help="hour, day, week, month, shift, total; with --marks: part, program, step, state.")] = "day",
+    tariff: Annotated[Path | None, typer.Option(help="TOML file with prices (docs/energy.md; default: [energy] tariff).")] = None,
     zone: Annotated[
         str | None, typer.Option(help="Zone of local time (default: the tariff's, this computer's).")
     ] = None,
     shifts: Annotated[str | None, typer.Option(help="Starts of the shifts: 06:00,14:00,22:00.")] = None,
+    marks: Annotated[
+        Path | None, typer.Option(help="CSV file: from which time on which part, program, step or state (--by part).")
+    ] = None,
     csv: Annotated[Path | None, typer.Option(help="CSV file, exact to the last digit.")] = None,
     html: Annotated[Path | None, typer.Option(help="HTML report with pictures.")] = None,
     config: ConfigFile = None,
@@ -52,12 +55,21 @@ def energy(
     Example: acqd energy --database acqd.sqlite --last week --by day --tariff tariff.toml --html week.html
     """
     if context.invoked_subcommand is not None:
-        if any((device, begin, to, last, this, tariff, zone, shifts, csv, html, config, database, json)) or by != "day":
+        if by != "day" or any(
+            (device, begin, to, last, this, tariff, zone, shifts, marks, csv, html, config, database, json)
+        ):
             raise UserError(f"put the options after the subcommand: acqd energy {context.invoked_subcommand} ...")
         return
     check_outputs("acqd energy", csv, html)
-    where = database or configured(config).sink.database
-    bill = _statement(where, device or (), (begin, to, last, this), by, (tariff, zone, shifts))
+    where, rules = _source(config, database, tariff, zone)
+    if marks is not None:
+        from acqd.cli.energy.marked import marked
+
+        if html is not None:
+            raise UserError("--marks has no report in HTML; use --csv or --json")
+        marked(where, device or (), by, marks, (begin, to, last, this), rules, csv, json=json)
+        return
+    bill = _statement(where, device or (), (begin, to, last, this), by, (*rules, shifts))
     if csv is not None:
         from acqd.energy.tables import as_csv
 
@@ -77,6 +89,17 @@ def energy(
             print(f"written: {written}")
 
 
+def _source(
+    config: Path | None, database: str | None, tariff: Path | None, zone: str | None
+) -> tuple[str, tuple[Path | None, str | None]]:
+    """The database, and the tariff and zone: those of the configuration, unless another database is named."""
+    if database is not None and config is None:
+        return database, (tariff, zone)
+    settings = configured(config)
+    rules = (tariff or settings.energy.tariff, zone or settings.energy.zone)
+    return database or settings.sink.database, rules
+
+
 def _statement(
     database: str,
     devices: Sequence[str],
@@ -91,18 +114,20 @@ def _statement(
 
     split = next((each for each in SPLITS if each == by), None)
     if by in ("cycle", "program", "step", "part", "state"):
-        raise UserError(f"--by {by} needs the robot's logs: acqd energy work DS --by {by}")
+        raise UserError(
+            f"--by {by} needs to know which: --marks FILE.csv (docs/energy.md), or the robot's logs, acqd energy work DS"
+        )
     if split is None:
         raise UserError(f"--by {by!r}: expected {', '.join(SPLITS)}")
     path, zone, shifts = rules
     given = None if path is None else load_tariff(path, zone)
     local = zone_of(zone) if zone or given is None or given.zone is None else given.zone
     starts = parse_shifts(shifts) if shifts else () if given is None else given.shifts
-    chosen, earlier = _ranges(*span, local)
+    chosen, earlier = ranges(*span, local)
     return statement_of(read_database(database), devices, chosen, earlier, split, local, starts, given)
 
 
-def _ranges(
+def ranges(
     begin: str | None, to: str | None, last: str | None, this: str | None, zone: ZoneInfo
 ) -> tuple[Range, Range]:
     """The range that is asked for, and the one before."""

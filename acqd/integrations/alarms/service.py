@@ -12,11 +12,13 @@ import orjson
 
 from acqd.atomic import write_complete
 from acqd.daemon.alarms_section import AlarmsSection
+from acqd.energy.budget import Standing
 from acqd.errors import OperationError
 from acqd.integrations.alarms.book import Alarm, Book, Notification
 from acqd.integrations.alarms.sender import Sender
 from acqd.integrations.alarms.targets import targets_of
 from acqd.integrations.alarms.watch import AlarmWatch
+from acqd.integrations.regularly import Regularly
 
 _log = logging.getLogger(__name__)
 
@@ -24,19 +26,26 @@ _log = logging.getLogger(__name__)
 class Alarms:
     """`watch` is the bridge; use as a context."""
 
-    def __init__(self, section: AlarmsSection) -> None:
+    def __init__(self, section: AlarmsSection, budgets: Regularly[list[Standing]] | None = None) -> None:
+        """`budgets` is entered and left with the service."""
         self._path = section.state
         self._book = Book(section.remind_h * 3600)
         self._lock = threading.Lock()
         self.sender = Sender(targets_of(section), self.save)
-        self.watch = AlarmWatch(self._book, self._tell, section.delay_s)
+        self._budgets = budgets
+        standings = (lambda: None) if budgets is None else budgets.newest
+        self.watch = AlarmWatch(self._book, self._tell, section.delay_s, standings=standings)
         self._restore()
 
     def __enter__(self) -> Alarms:
         self.sender.__enter__()
+        if self._budgets is not None:
+            self._budgets.__enter__()
         return self
 
     def __exit__(self, *_: object) -> None:
+        if self._budgets is not None:
+            self._budgets.__exit__()
         self.sender.__exit__()
         self.save()
 

@@ -9,7 +9,9 @@ from typing import Any
 
 import orjson
 
+from acqd.energy.budget import Standing
 from acqd.integrations.alarms.book import Alarm, Book, Notification
+from acqd.integrations.alarms.budgets import KIND, BudgetAlarms
 from acqd.integrations.alarms.states import wrong
 from acqd.telemetry import topics
 from acqd.telemetry.message import Message
@@ -25,12 +27,18 @@ class AlarmWatch:
     """Collects what is wrong and tells it."""
 
     def __init__(
-        self, book: Book, tell: Callable[[Notification], None], delay_s: float, now: Callable[[], int] = time.time_ns
+        self,
+        book: Book,
+        tell: Callable[[Notification], None],
+        delay_s: float,
+        now: Callable[[], int] = time.time_ns,
+        standings: Callable[[], Sequence[Standing] | None] = lambda: None,
     ) -> None:
-        """`tell` hands a notification to the targets, `now` is UTC in ns."""
+        """`tell` hands a notification to the targets, `now` is UTC in ns; `standings`: of budgets, if there is news."""
         self._book, self._tell, self._delay_ns, self._now = book, tell, round(delay_s * 1e9), now
         self._pending: dict[str, tuple[int, str]] = {}
         self._published: bytes | None = None
+        self._budgets, self._standings = BudgetAlarms(book), standings
 
     def subscriptions(self) -> Sequence[str]:
         """Alarms of sidecars, states of daemons, acknowledgements."""
@@ -62,6 +70,8 @@ class AlarmWatch:
             if now - since >= self._delay_ns:
                 del self._pending[key]
                 self._all(self._book.raise_(key, text, since))
+        if (standings := self._standings()) is not None:
+            self._all(self._budgets.take(standings, now))
         self._all(self._book.remind(now))
         return self._news()
 
@@ -95,7 +105,7 @@ class AlarmWatch:
         ended = [key for key in (*self._pending, *self._book.active) if key.startswith(mine) and key not in current]
         for key in ended:
             self._pending.pop(key, None)
-            if not key.endswith("/residual"):
+            if not key.endswith("/residual") and f"/{KIND}" not in key:
                 self._all(self._book.resolve(key))
 
     def _acknowledge(self, payload: bytes) -> None:

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import orjson
 
 from acqd.integrations.daemons import Daemons
+from acqd.energy.running import Running
+from acqd.integrations.homeassistant.costs import Costs
 from acqd.integrations.homeassistant.entities import (
+    COSTS,
     Place,
     config,
     config_topic,
+    cost_config,
+    cost_topic,
     event_config,
     event_topic,
     quality_config,
@@ -34,8 +39,11 @@ class Discovery:
     prefix: str = "homeassistant"
     expire_s: int = 60
     channels: Sequence[str] = ("L1", "L2", "L3", "total")
+    energies: Callable[[], Sequence[Running] | None] = lambda: None
+    """What is known of the energy of all devices, when there is news; without a tariff: never."""
     _daemons: Daemons = field(default_factory=Daemons)
     _sent: dict[str, bytes] = field(default_factory=dict)
+    _costs: Costs = field(default_factory=Costs)
     _fast: set[tuple[str, str]] = field(default_factory=set)
     """Channels with power quality every 3 s."""
 
@@ -67,8 +75,15 @@ class Discovery:
         return list(self._news(place, summary))
 
     def tick(self) -> Iterable[Message]:
-        """Nothing is due."""
-        return ()
+        """Costs, once a minute."""
+        for running in self.energies() or ():
+            place = Place(running.device, "total", self._daemons.of(running.device), self.expire_s, running.simulated)
+            messages = self._costs.messages(running)
+            for cost in COSTS:
+                where = cost_topic(self.prefix, running.device, cost)
+                if where in self._sent or self._costs.has(running, cost.key):
+                    yield from self._changed(where, cost_config(place, cost))
+            yield from messages
 
     @property
     def announced(self) -> int:

@@ -83,6 +83,50 @@ def quality_config(place: Place, quantity: Quantity, aggregation: Kind, duration
     return message | _currency(replace(place, expire_s=expire_s))
 
 
+@dataclass(frozen=True, slots=True)
+class Cost:
+    """A number of `topics.energy`."""
+
+    key: str
+    title: str
+    template: str
+    unit: str
+    digits: int
+    device_class: str | None = None
+    state_class: str = "measurement"
+
+
+COSTS = (
+    Cost("cost_today", "cost today", "today.EUR", "EUR", 2, "monetary", "total"),
+    Cost("price", "price", "price", "EUR/kWh", 4),
+    Cost("standby_share", "standby this week", "standby_percent", "%", 0),
+)
+"""The energy dashboard takes the first as "an entity tracking the total costs", the second as a current price."""
+_COST_EXPIRE_S = 300
+"""Published once a minute."""
+
+
+def cost_topic(prefix: str, device: str, cost: Cost) -> str:
+    """Where the configuration of an entity of cost is kept."""
+    return f"{prefix}/sensor/acqd_{node(device)}/{cost.key}/config"
+
+
+def cost_config(place: Place, cost: Cost) -> dict[str, Any]:
+    """The entity of a cost. A total is said since when, so that the recorder adds up days."""
+    entity = f"acqd_{node(place.device)}_{cost.key}"
+    message: dict[str, Any] = {
+        "name": cost.title, "unique_id": entity, "object_id": entity, "state_topic": topics.energy(place.device),
+        "value_template": f"{{{{ value_json.{cost.template} }}}}", "unit_of_measurement": cost.unit,
+        "suggested_display_precision": cost.digits, "state_class": cost.state_class,
+    }  # fmt: skip
+    if cost.device_class is not None:
+        message["device_class"] = cost.device_class
+    if cost.state_class == "total":
+        message["last_reset_value_template"] = "{{ value_json.today.since }}"
+    expire_s = max(place.expire_s, _COST_EXPIRE_S) if place.expire_s else 0
+    return message | _about(place) | _currency(replace(place, daemon=None, expire_s=expire_s))
+
+
 def event_topic(prefix: str, device: str) -> str:
     """Where the configuration of a device's event entity is kept."""
     return f"{prefix}/event/acqd_{node(device)}/voltage/config"

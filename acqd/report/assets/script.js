@@ -39,6 +39,39 @@ for (const chart of document.querySelectorAll(".chart")) {
     show(at + step);
   });
 }
+// tables that a reader sorts by a column and filters by a word
+for (const table of document.querySelectorAll("table[data-sortable]")) {
+  const body = table.tBodies[0], rows = [...body.rows], heads = [...table.tHead.rows[0].cells];
+  const value = (row, k) => {
+    const words = row.cells[k].textContent.trim(), number = Number.parseFloat(words.replace(/^[<>=\s]+/, ""));
+    return /^[<>=\s]*[-+]?\d/.test(words) && !/^\d{4}-\d\d/.test(words) ? number : words.toLowerCase();
+  };
+  heads.forEach((head, k) => {
+    const button = Object.assign(document.createElement("button"), { type: "button", textContent: head.textContent });
+    head.replaceChildren(button);
+    button.onclick = () => {
+      const falling = head.ariaSort === "ascending";
+      heads.forEach((other) => other.removeAttribute("aria-sort"));
+      head.setAttribute("aria-sort", falling ? "descending" : "ascending");
+      const order = rows.map((row) => [value(row, k), row]).sort(([a], [b]) => {
+        const empty = (v) => v === "" || v === "-";
+        if (empty(a) || empty(b)) return empty(a) - empty(b);
+        const way = typeof a === typeof b ? (a < b ? -1 : a > b) : typeof a === "number" ? -1 : 1;
+        return falling ? -way : way;
+      });
+      body.append(...order.map(([, row]) => row));
+    };
+  });
+  const label = Object.assign(document.createElement("label"), { className: "filter", textContent: "Show rows with " });
+  const input = label.appendChild(Object.assign(document.createElement("input"), { type: "search" }));
+  const count = label.appendChild(Object.assign(document.createElement("output"), { textContent: ` ${rows.length} rows` }));
+  input.oninput = () => {
+    const word = input.value.trim().toLowerCase();
+    rows.forEach((row) => { row.hidden = !row.textContent.toLowerCase().includes(word); });
+    count.textContent = ` ${rows.filter((row) => !row.hidden).length} rows`;
+  };
+  table.parentNode.before(label);
+}
 // paper cannot be unfolded
 const folded = () => document.querySelectorAll("details:not([open])");
 addEventListener("beforeprint", () => folded().forEach((details) => { details.open = true; details.dataset.printed = "1"; }));

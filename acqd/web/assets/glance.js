@@ -15,11 +15,23 @@
       const of = days[view.device]?.[node.dataset.energy], [value, unit] = kWh(of?.kWh), notes = [];
       put(node, value);
       put(node.nextElementSibling, unit);
-      if (Number.isFinite(of?.EUR)) notes.push(`${of.EUR.toFixed(2)} EUR`);
+      if (Number.isFinite(of?.EUR)) notes.push(`${of.unpriced_kWh ? "at least " : ""}${of.EUR.toFixed(2)} EUR`);
       if (of?.missing_s > 60) notes.push(`${of.missing_s < 5400 ? `${Math.round(of.missing_s / 60)} min` : `${(of.missing_s / 3600).toFixed(1)} h`} without rows`);
       put(node.parentNode.lastElementChild, notes.join(", "));
       node.title = days[view.device]?.zone ?? "";
     }
+    comparisons(days[view.device] ?? {});
+  }
+
+  // of the energy of a week; what cannot be known stays "-", with the reason
+  function comparisons({ against_last_week: against, last_week: last, standby_share: share, price, feed_in: feedIn, trouble }) {
+    put($("against"), Number.isFinite(against?.change) ? `${against.change < 0 ? "-" : "+"}${(100 * Math.abs(against.change)).toFixed(1)}` : "-");
+    put($("against-of"), !against ? "no rows of last week until this hour" : against.quantity === "kWh" ? `${kWh(last.kWh).join(" ")} until this hour` : "mean power: rows lack");
+    put($("standby"), Number.isFinite(share) ? (100 * share).toFixed(0) : "-");
+    put($("standby-of"), Number.isFinite(share) ? "of the energy" : "rest and work are not told apart");
+    const P = (latest.total ?? latest.L1)?.P, euros = Number.isFinite(P) && Number.isFinite(price) ? P / 1000 * (P < 0 ? feedIn : price) : NaN;
+    put($("cost-now"), Number.isFinite(euros) ? `${euros.toFixed(Math.abs(euros) < 0.1 ? 4 : 2)} EUR/h` : trouble ? "no price now" : "");
+    wrong("tariff", trouble ? [[trouble]] : []);
   }
 
   function stateOf(device) {

@@ -1,0 +1,117 @@
+"""`acqd energy --by part --marks FILE`: energy by what a production system says a device was working on."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import orjson
+from rich.table import Table
+
+from acqd.atomic import write_complete
+from acqd.cli.terminal import terminal
+from acqd.errors import UserError
+
+if TYPE_CHECKING:
+    from acqd.energy.by_mark import ByMark
+
+Span = tuple[str | None, str | None, str | None, str | None]
+_HEADER = ("device", "channel", "value", "visits", "seconds", "missing_s", "kWh", "EUR")
+
+
+def marked(
+    database: str, wanted: Sequence[str], by: str, path: Path, span: Span, rules: tuple[Path | None, str | None],
+    table: Path | None, *, json: bool,
+) -> None:  # fmt: skip
+    """Read, compute, print. Raises UserError."""
+    from acqd.cli.energy.period import ranges
+    from acqd.energy.by_mark import by_mark
+    from acqd.energy.marks import KINDS, read_marks
+    from acqd.energy.periods import zone_of
+    from acqd.energy.tariff import load_tariff
+    from acqd.storage.database import read_database
+
+    if by not in KINDS:
+        raise UserError(f"--marks goes with --by {', '.join(KINDS)}, not with --by {by}")
+    tariff = None if rules[0] is None else load_tariff(rules[0], rules[1])
+    zone = zone_of(rules[1]) if rules[1] or tariff is None or tariff.zone is None else tariff.zone
+    marks = read_marks(path, by)
+    if "" in marks and len(wanted) != 1:
+        raise UserError(f"{path}: has no column device; say which one with --device")
+    if lacking := [name for name in wanted if "" not in marks and name not in marks]:
+        raise UserError(f"--device {lacking[0]!r}: {path} has lines of {', '.join(sorted(marks))}")
+    chosen, _ = ranges(*span, zone)
+    engine = read_database(database)
+    found = [
+        by_mark(engine, name, marks.get(name) or marks[""], chosen.begin, chosen.end, tariff)
+        for name in (wanted or sorted(marks))
+    ]
+    if table is not None:
+        write_complete(table, _csv(found).encode())
+    if json:
+        print(orjson.dumps({"by": by, "devices": [_json(one) for one in found], "csv": table and str(table)}).decode())
+        return
+    for one in found:
+        _print(one, by)
+    if table is not None:
+        print(f"written: {table}")
+
+
+def _json(one: ByMark) -> dict[str, Any]:
+    values = [
+        {"value": each.name or None, "visits": each.visits, "seconds": each.seconds,
+         "missing_s": max(each.seconds - each.known_s, 0.0), "nWh": each.nWh, "kWh": each.kWh,
+         "EUR": None if each.cost is None else float(each.cost), "unpriced_kWh": each.unpriced_nWh / 1e12}
+        for each in one.values
+    ]  # fmt: skip
+    return {
+        "device": one.device, "channel": one.channel, "values": values, "over_gaps_nWh": one.between_nWh,
+        "register_set_nWh": one.jumps_nWh, "register_nWh": one.register_nWh, "rows": one.rows,
+        "simulated": one.simulated,
+    }  # fmt: skip
+
+
+def _csv(found: Sequence[ByMark]) -> str:
+    """A line a value; what belongs to none on lines of its own, so that a device adds up to its register."""
+    from acqd.energy.tables import exact_kwh
+
+    text = io.StringIO()
+    out = csv.writer(text, lineterminator="\n")
+    out.writerow(_HEADER)
+    for one in found:
+        for each in one.values:
+            cost = "" if each.cost is None else f"{float(each.cost):.6f}"
+            missing = round(max(each.seconds - each.known_s, 0.0), 3)
+            out.writerow([one.device, one.channel, each.name, each.visits, round(each.seconds, 3), missing,
+                          exact_kwh(each.nWh), cost])  # fmt: skip
+        for name, nWh in (("over gaps", one.between_nWh), ("register set", one.jumps_nWh)):
+            if nWh:
+                out.writerow([one.device, one.channel, name, "", "", "", exact_kwh(nWh), ""])
+    return text.getvalue()
+
+
+def _print(one: ByMark, by: str) -> None:
+    from acqd.report.digits import duration
+
+    origin = " (simulated)" if one.simulated else ""
+    shown = Table(by, "visits", "time", "kWh", "kWh a visit", "EUR", "without rows",
+                  title=f"{one.device} {one.channel}{origin}", title_justify="left")  # fmt: skip
+    for column in shown.columns[1:]:
+        column.justify = "right"
+    for each in one.values:
+        missing = each.seconds - each.known_s
+        cost = "-" if each.cost is None else f"{'>= ' if each.unpriced_nWh else ''}{float(each.cost):.2f}"
+        shown.add_row(
+            each.name or "nothing", str(each.visits), duration(each.seconds), f"{each.kWh:.6f}",
+            f"{each.kWh / each.visits:.6f}", cost, duration(missing) if missing >= 1 else "",
+        )  # fmt: skip
+    console = terminal(tables=True)
+    console.print(shown)
+    if one.between_nWh:
+        kwh = one.between_nWh / 1e12
+        console.print(f"{kwh:.6f} kWh were counted where rows lack, over the end of a visit: they belong to none")
+    if one.jumps_nWh:
+        console.print("note: the register was exchanged or set; those steps are no energy")

@@ -1,0 +1,94 @@
+"""What the broker has retained: states of daemons and sinks, the alarms that are active."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import dataclass, field
+from typing import Any
+
+import aiomqtt
+import orjson
+
+from acqd.errors import UserError
+from acqd.integrations.alarms.states import wrong
+from acqd.integrations.alarms.watch import ACTIVE
+from acqd.integrations.daemons import Daemons
+from acqd.telemetry import topics
+from acqd.telemetry.mqtt import BrokerAddress, is_refusal, refusal
+
+_QUIET_S = 1.0
+"""A broker sends what it has retained right after the subscription: after so long without more, that was all."""
+_MOST_S = 20.0
+Status = dict[str, Any]
+
+
+@dataclass(slots=True)
+class Heard:
+    """Retained messages of a broker."""
+
+    daemons: dict[str, Status | None] = field(default_factory=dict)
+    """Status by daemon; None: offline."""
+    sinks: dict[str, Status | None] = field(default_factory=dict)
+    alarms: list[dict[str, Any]] | None = None
+    """As `acqd alarms` publishes them; None: it has never run on this broker."""
+    faults: dict[str, dict[str, str]] = field(default_factory=dict)
+    """What is wrong by the status of a daemon."""
+    _of: Daemons = field(default_factory=Daemons)
+
+    def take(self, topic: str, payload: bytes) -> None:
+        """A message."""
+        match topic.split("/"):
+            case ["acqd", "sink", name, "status"]:
+                self.sinks[name] = _status(payload)
+            case ["acqd", name, "status"]:
+                self.daemons[name] = _status(payload)
+                self.faults[name] = wrong(payload) or {}
+                self._of.take(name, payload)
+            case _ if topic == ACTIVE:
+                content = _json(payload)
+                self.alarms = [each for each in content if isinstance(each, dict)] if isinstance(content, list) else []
+
+    def daemon_of(self, device: str) -> str | None:
+        """The daemon that meters a device; None: no daemon has named it."""
+        return self._of.of(device)
+
+
+def _json(payload: bytes) -> Any:
+    try:
+        return orjson.loads(payload)
+    except orjson.JSONDecodeError:
+        return None
+
+
+def _status(payload: bytes) -> Status | None:
+    content = _json(payload)
+    return content if isinstance(content, dict) else None
+
+
+def listen(address: BrokerAddress) -> Heard:
+    """Everything that is retained. Raises UserError for a broker that does not answer or refuses."""
+    return asyncio.run(_listen(address))
+
+
+async def _listen(address: BrokerAddress) -> Heard:
+    heard = Heard()
+    client = aiomqtt.Client(
+        address.host, address.port, username=address.username, password=address.password,
+        tls_context=address.tls_context(), timeout=5.0,
+    )  # fmt: skip
+    try:
+        async with client:
+            for topic in (topics.ALL_STATUS, topics.ALL_SINKS, ACTIVE):
+                await client.subscribe(topic, qos=1)
+            arriving = aiter(client.messages)
+            async with asyncio.timeout(_MOST_S):
+                while True:
+                    message = await asyncio.wait_for(anext(arriving), _QUIET_S)
+                    if message.retain:
+                        heard.take(str(message.topic), bytes(message.payload))
+    except TimeoutError:
+        return heard
+    except aiomqtt.MqttError as error:
+        if is_refusal(str(error)):
+            raise refusal(address, str(error)) from None
+        raise UserError(f"broker {address} does not answer: {error}; check host and port, or use --no-broker") from None

@@ -1,0 +1,98 @@
+"""What is installed: daemons and sinks with host, version, devices and sources, by what they have said to the broker."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from acqd.plant.heard import Heard, Status
+
+
+@dataclass(frozen=True, slots=True)
+class Installed:
+    """A daemon or a sink."""
+
+    kind: str
+    name: str
+    online: bool
+    host: str
+    """"" where an offline one, or an earlier version, does not say."""
+    version: str
+    since: str
+    """Start of the process, RFC 3339."""
+    devices: tuple[str, ...]
+    source: str
+    remarks: tuple[str, ...]
+
+    def as_json(self) -> dict[str, Any]:
+        """For programs."""
+        return {name: getattr(self, name) for name in self.__slots__}
+
+
+HEADER = ("kind", "name", "state", "host", "version", "running since", "devices", "source", "remarks")
+
+
+def inventory(heard: Heard) -> list[Installed]:
+    """Everything that has ever announced itself on the broker, by name."""
+    daemons = [_daemon(name, status, heard.faults.get(name, {})) for name, status in sorted(heard.daemons.items())]
+    return _marked([*daemons, *(_sink(name, status) for name, status in sorted(heard.sinks.items()))])
+
+
+def cells(one: Installed) -> tuple[str, ...]:
+    """A row of the table."""
+    return (
+        one.kind, one.name, "online" if one.online else "offline", one.host or "-", one.version or "-",
+        one.since[:16].replace("T", " ") or "-", ", ".join(one.devices), one.source, "; ".join(one.remarks),
+    )  # fmt: skip
+
+
+def _daemon(name: str, status: Status | None, faults: dict[str, str]) -> Installed:
+    if status is None:
+        return Installed("daemon", name, False, "", "", "", (), "", ())
+    given = status.get("name")
+    of = given if isinstance(given, dict) else {}
+    remarks = [text for kind, text in faults.items() if kind != "offline"]
+    if status.get("realtime_refused"):
+        remarks.append("without real-time priority")
+    if status.get("rival"):
+        remarks.append("another daemon has its name")
+    return Installed(
+        "daemon", name, True, str(of.get("host", "")), str(status.get("version", "")), str(status.get("started", "")),
+        tuple(_devices(name, status)), str(status.get("source", "")), tuple(remarks),
+    )  # fmt: skip
+
+
+def _devices(name: str, status: Status) -> Iterator[str]:
+    """Of boxes and of meters; else the daemon's own name."""
+    tables = [status.get(key) for key in ("boxes", "meters")]
+    names: list[str] = []
+    for table in tables:
+        for each, content in table.items() if isinstance(table, dict) else ():
+            meters = content.get("meters") if isinstance(content, dict) else None
+            names += list(map(str, meters)) if isinstance(meters, dict) and meters else [str(each)]
+    yield from names or [name]
+
+
+def _sink(name: str, status: Status | None) -> Installed:
+    if status is None:
+        return Installed("sink", name, False, "", "", "", (), "", ())
+    texts = (str(status.get(key, "")) for key in ("host", "version", "started"))
+    return Installed("sink", name, True, *texts, (), "", ())
+
+
+def _marked(found: list[Installed]) -> list[Installed]:
+    """With a remark on what does not run the newest version that is running."""
+    from dataclasses import replace
+
+    newest = max((_numbers(one.version) for one in found if one.version), default=())
+    shown = next((one.version for one in found if one.version and _numbers(one.version) == newest), "")
+    return [
+        replace(one, remarks=(*one.remarks, f"older than {shown}"))
+        if one.version and _numbers(one.version) < newest else one
+        for one in found
+    ]  # fmt: skip
+
+
+def _numbers(version: str) -> tuple[int, ...]:
+    return tuple(int(part) if part.isdigit() else -1 for part in version.replace("-", ".").split("."))

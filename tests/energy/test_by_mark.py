@@ -1,0 +1,84 @@
+"""Energy by part from rows in SQL: exact sums, gaps that belong to nobody, the price of the time (simulated)."""
+
+from __future__ import annotations
+
+import csv
+import json
+from datetime import UTC, datetime
+
+import pytest
+
+from acqd.storage.database import open_database
+from acqd.storage.writer import Writer
+from tests.commands import acqd_here, refused
+from tests.storage.rows import message, row
+
+BEGIN = int(datetime(2026, 11, 23, 6, tzinfo=UTC).timestamp())
+
+
+@pytest.fixture(scope="module")
+def works(tmp_path_factory):
+    """Half an hour, a row a second, 3.6 kW: 1 Wh a row; rows lack from 600 s to 700 s; a restart at 900 s."""
+    folder = tmp_path_factory.mktemp("works")
+    rows = [
+        row(k, "total", t=BEGIN + k, P=3600.0, W=0.001 * k, boot="a" if k < 900 else "b", flags=["simulated"])
+        for k in range(1800) if not 600 <= k < 700
+    ]  # fmt: skip
+    Writer(open_database(str(folder / "p.sqlite"))).write([message(one) for one in rows])
+    return folder
+
+
+def shown(at):
+    return datetime.fromtimestamp(BEGIN + at, UTC).isoformat()
+
+
+def ask(folder, marks, *more):
+    (folder / "marks.csv").write_text("time,part\n" + "".join(f"{shown(at)},{name}\n" for at, name in marks))
+    span = ("--zone", "UTC", "--from", "2026-11-23T06:00", "--to", "2026-11-23T06:30", "--device", "cell1")
+    return acqd_here("energy", "--database", folder / "p.sqlite", "--by", "part", "--marks", folder / "marks.csv", *span, *more)
+
+
+def test_parts_add_up_to_the_register_and_a_gap_over_a_mark_belongs_to_none(works):
+    marks = [(100, "gear"), (300.5, "shaft"), (500, "gear"), (650, "shaft"), (1000, "")]
+    (device,) = json.loads(ask(works, marks, "--json", "--csv", works / "p.csv").stdout)["devices"]
+    values = {each["value"]: each for each in device["values"]}
+    assert list(values) == ["gear", "shaft", None] and device["simulated"]
+    assert [values[name]["visits"] for name in ("gear", "shaft", None)] == [2, 2, 2]
+    assert values["gear"]["kWh"] == pytest.approx((201 + 100) / 1000)  # a row belongs to where its window begins
+    assert values["shaft"]["kWh"] == pytest.approx((199 + 299) / 1000) and device["over_gaps_nWh"] > 0
+    assert values["shaft"]["missing_s"] == pytest.approx(50, abs=2) and values["gear"]["missing_s"] == pytest.approx(50, abs=2)
+    total = sum(each["nWh"] for each in values.values()) + device["over_gaps_nWh"] + device["register_set_nWh"]
+    assert total == device["register_nWh"] and device["register_set_nWh"] == 0 and device["rows"] == 1700
+    table = list(csv.DictReader((works / "p.csv").read_text().splitlines()))
+    assert sum(float(one["kWh"]) for one in table) == pytest.approx(1.799)
+
+
+def test_a_gap_within_a_part_belongs_to_it_and_prices_are_those_of_the_time(works, tmp_path):
+    (tmp_path / "t.toml").write_text(
+        'zone = "UTC"\n[[time_of_use]]\nprice = 0.1\nhours = "00:00-06:15"\n[[time_of_use]]\nprice = 0.3\nhours = "06:15-24:00"\n'
+    )
+    done = ask(works, [(0, "gear")], "--json", "--tariff", tmp_path / "t.toml")
+    (device,) = json.loads(done.stdout)["devices"]
+    (gear,) = device["values"]
+    assert gear["nWh"] == device["register_nWh"] and device["over_gaps_nWh"] == 0
+    assert gear["EUR"] == pytest.approx(0.1 * 0.899 + 0.3 * 0.9)
+    assert "gear" in ask(works, [(0, "gear")]).stdout
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [("time,part\n2026-11-23T06:00,gear\n", "line 2: time '2026-11-23T06:00' has no offset"),
+     ("time,what\n", "has no column part"), ("time,part\n", "has no lines"),
+     ("time,part\n2026-11-23T06:00Z,a\n2026-11-23T06:00Z,b\n", "line 3: time does not rise"),
+     ("time,part,device\n2026-11-23T06:00Z,a,x\n", "has lines of x")],
+)  # fmt: skip
+def test_marks_that_cannot_be_used_are_one_line(works, tmp_path, text, why):
+    (tmp_path / "m.csv").write_text(text)
+    words = ("--database", works / "p.sqlite", "--device", "cell1", "--by", "part", "--marks", tmp_path / "m.csv")
+    assert why in refused(acqd_here("energy", *words))
+
+
+def test_by_part_without_marks_says_what_is_needed(works):
+    assert "--marks FILE.csv" in refused(acqd_here("energy", "--database", works / "p.sqlite", "--by", "part"))
+    words = ("energy", "--database", works / "p.sqlite", "--by", "day", "--marks", works / "m.csv")
+    assert "goes with --by" in refused(acqd_here(*words))

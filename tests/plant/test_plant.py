@@ -1,0 +1,198 @@
+"""The plant's page, its month and its inventory: a real broker and a database of quarter hours (simulated)."""
+
+from __future__ import annotations
+
+import json
+from datetime import datetime
+from zoneinfo import ZoneInfo
+
+import aiomqtt
+import pytest
+import sqlalchemy as sa
+
+from acqd.fleet.summary import judged, report_of
+from acqd.plant.heard import Heard
+from acqd.plant.inventory import inventory
+from acqd.storage.database import open_database, transaction
+from acqd.storage.schema import power_15min
+from tests.browser import chromium, looks, serious_findings
+from tests.commands import acqd_here, refused
+from tests.fleet.findings import START_S, cause, screened
+from tests.integrations.messages import status
+from tests.waiting import finish
+
+BERLIN = ZoneInfo("Europe/Berlin")
+
+
+def unix(text):
+    return round(datetime.fromisoformat(text).replace(tzinfo=BERLIN).timestamp())
+
+
+NOW = unix("2026-11-26T12:00")
+
+
+@pytest.fixture(scope="module")
+def plant(tmp_path_factory):
+    """Four devices from 15 October: 1 kW, of cell-2 2 kW in the last week; cell-3 has a gap, cell-4 ends."""
+    folder = tmp_path_factory.mktemp("plant")
+    rows = []
+    for k in range(1, 5):
+        W = 0.0
+        for start in range(unix("2026-10-15"), NOW, 900):
+            P = 2000.0 if k == 2 and start >= unix("2026-11-19") else 1000.0
+            W += P / 4000
+            gap = k == 3 and unix("2026-11-20T22:00") <= start < unix("2026-11-21T06:00")
+            if not gap and not (k == 4 and start >= unix("2026-11-10")):
+                rows.append({"device": f"cell-{k}", "channel": "total", "start": start, "rows": 22_500, "P": P,
+                             "P_min": P, "P_max": P, "W": W, "flagged": 0})  # fmt: skip
+    engine = open_database(str(folder / "p.sqlite"))
+    with transaction(engine) as connection:
+        connection.execute(sa.insert(power_15min), rows)
+    (folder / "tariff.toml").write_text(
+        'name = "works"\nprice = 0.25\nzone = "Europe/Berlin"\n[capacity]\nprice = 10.0\nper = "month"\n'
+    )
+    (folder / "bare.toml").write_text('[sink]\ndatabase = "p.sqlite"\n[energy]\nzone = "Europe/Berlin"\n')
+    (folder / "acqd.toml").write_text('[sink]\ndatabase = "p.sqlite"\n[energy]\ntariff = "tariff.toml"\n')
+    return folder
+
+
+@pytest.fixture(scope="module")
+def fleet(plant):
+    """What `acqd fleet` has found: cell-2 changed a week ago, with a report."""
+    from acqd.fleet.config import read_fleet
+
+    (plant / "fleet.toml").write_text("[defaults]\nmodel = 'm'\ndataset = 'd'\n[robots.two]\ndevice = 'cell-2'\n")
+    described = read_fleet(plant / "fleet.toml")
+    (plant / "loop").mkdir()
+    (plant / "loop" / "report.html").write_text("<h1>closed</h1>")
+    named = cause("two", "viscous_friction")
+    named["cause"]["report"] = str(plant / "loop" / "report.html")
+    named["cause"]["effects"][0]["a_year"] = {"kWh": 100.0, "kWh_ci95": [80.0, 120.0], "EUR": None, "EUR_ci95": None}
+    onset = unix("2026-11-19T06:00")
+    changed = screened("two", 1e-9, onset)
+    changed["screen"] |= {"first_s": START_S, "first_end_s": START_S + 60}
+    report = report_of(described, judged([changed], described.settings), {"two": named}, 0.25)
+    (plant / "found").mkdir()
+    (plant / "found" / "report.json").write_text(json.dumps(report.as_json()))
+    return plant / "found"
+
+
+@pytest.fixture
+def ask(plant, monkeypatch):
+    """Run `acqd plant` in the folder of the plant, on Thursday at noon."""
+    monkeypatch.setattr("acqd.cli.plant.time.time", lambda: float(NOW))
+
+    def run(*words):
+        return acqd_here("plant", *words, "--json", cwd=plant)
+
+    return run
+
+
+def announced(port):
+    alarm = {"key": "cell-1/residual", "text": "cell-1: measured power no longer follows the model",
+             "since": "2026-11-25T08:30:00.000Z", "acknowledged_by": "", "details": {}}  # fmt: skip
+    known = alarm | {"key": "hall/spool", "text": "hall: the spool is nearly full", "acknowledged_by": "Ada"}
+    messages = [
+        status("hall", version="2.9.0", started="2026-11-01T00:00:00Z", name={"host": "pc-7"},
+               meters={"cell-3": {}, "cell-2": {}}),
+        status("cell-1", version="2.10.0"), ("acqd/cell-4/status", b"offline"),
+        ("acqd/sink/s1/status", b'{"state":"online","version":"2.10.0","host":"db"}'),
+        ("acqd/alarms/active", json.dumps([alarm, known]).encode()),
+    ]  # fmt: skip
+
+    async def publish():
+        async with aiomqtt.Client("127.0.0.1", port) as client:
+            for topic, payload in messages:
+                await client.publish(topic, payload, qos=1, retain=True)
+
+    finish(publish())
+    return messages
+
+
+def test_every_device_has_its_alarm_its_cost_and_its_report(plant, fleet, ask, mosquitto):
+    announced(mosquitto.port)
+    (plant / "live.toml").write_text((plant / "acqd.toml").read_text() + f"[mqtt]\nport = {mosquitto.port}\n")
+    done = ask("page", "--fleet", fleet, "--out", plant / "plant.html", "--config", plant / "live.toml")
+    rows = {row["device"]: row for row in json.loads(done.stdout)["devices"]}
+    assert list(rows) == ["cell-1", "cell-4", "cell-2", "cell-3"]
+    assert {name: row["severity"] for name, row in rows.items()} == {
+        "cell-1": "alarm", "cell-4": "no rows", "cell-2": "acknowledged", "cell-3": "acknowledged",
+    }  # fmt: skip
+    assert (rows["cell-1"]["state"], rows["cell-4"]["state"], rows["cell-2"]["state"]) == (
+        "online", "offline", "online",
+    )  # fmt: skip
+    two = rows["cell-2"]
+    assert two["kWh"] == pytest.approx(48) and two["EUR"] == pytest.approx(12) and two["change"] == pytest.approx(1)
+    assert "viscous_friction" in two["cause"] and two["acknowledged_by"] == "Ada" and two["report"]
+    three = rows["cell-3"]
+    assert three["kWh"] == pytest.approx(24) and three["missing_s"] == pytest.approx(8 * 3600)
+    assert three["days"][7:11] == [24.0, None, None, 24.0]  # the night that lacks belongs to two days
+    assert rows["cell-4"]["kWh"] is None and rows["cell-1"]["since"] == "2026-11-25 08:30"
+    page = (plant / "plant.html").read_text()
+    assert 'href="loop/report.html"' in page and "2 devices without rows or with an open alarm" in page
+
+
+def test_without_a_broker_or_a_tariff_nothing_is_invented(plant, ask):
+    done = ask("page", "--no-broker", "--config", plant / "bare.toml", "--out", plant / "bare.html")
+    rows = {row["device"]: row for row in json.loads(done.stdout)["devices"]}
+    assert {row["EUR"] for row in rows.values()} == {None} and {row["state"] for row in rows.values()} == {"not asked"}
+    assert rows["cell-1"]["severity"] == "unknown" and "The broker was not asked" in (plant / "bare.html").read_text()
+    assert "acqd fleet writes the folder" in refused(
+        ask("page", "--no-broker", "--config", plant / "bare.toml", "--fleet", plant / "nowhere")
+    )
+
+
+def test_a_month_is_printed_with_what_is_missing(plant, fleet, ask):
+    done = ask("month", "--month", "2026-11", "--fleet", fleet, "--out", plant / "month.html")
+    found = json.loads(done.stdout)
+    days = 25.5
+    expected = 24 * (3 * days + 7.5) + 24 * 9
+    assert found["kWh"] == pytest.approx(expected) and found["EUR"] == pytest.approx(0.25 * expected)
+    page = (plant / "month.html").read_text()
+    assert "Rows lack of 2 devices" in page and "no rows" not in page.split("Devices</h2>")[1].split("</table>")[0]
+    assert "viscous_friction" in page and "100 kWh (80.0 to 120), 25.0 EUR" in page
+    assert "50.00 EUR" in page  # 10 EUR for each kW of the highest quarter hours: 1 + 2 + 1 + 1 kW
+    default = json.loads(ask("month").stdout)
+    assert default["month"] == "2026-10" and default["page"] == "plant-2026-10.html"
+    for month, why in (("2026-1", "like 2026-10"), ("2027-01", "not begun"), ("2026-13", "expected"), ("2026-08", "no device")):
+        assert why in refused(ask("month", "--month", month, "--config", plant / "bare.toml"))
+
+
+def test_an_inventory_names_what_is_offline_or_old(plant, ask, mosquitto):
+    announced(mosquitto.port)
+    (plant / "live.toml").write_text((plant / "acqd.toml").read_text() + f"[mqtt]\nport = {mosquitto.port}\n")
+    done = ask("inventory", "--config", plant / "live.toml")
+    found = {one["name"]: one for one in json.loads(done.stdout)}
+    assert done.returncode == 1 and found["cell-4"]["online"] is False
+    hall = found["hall"]
+    assert (hall["host"], hall["version"], sorted(hall["devices"])) == ("pc-7", "2.9.0", ["cell-2", "cell-3"])
+    assert hall["remarks"] == ["older than 2.10.0"] and found["s1"]["kind"] == "sink" and found["s1"]["host"] == "db"
+    shown = acqd_here("plant", "inventory", "--config", plant / "live.toml")
+    assert "4 processes, 3 online, versions: 2.10.0, 2.9.0" in shown.stdout
+
+
+@pytest.mark.parametrize("payload", [b"", b"[]", b"{", b"5", b'{"boxes": 3, "meters": {"a": null}, "name": 4}'])
+def test_any_status_is_read(payload):
+    heard = Heard()
+    for topic in ("acqd/x/status", "acqd/sink/x/status", "acqd/alarms/active", "acqd/x/y/z"):
+        heard.take(topic, payload)
+    assert len(inventory(heard)) == 2
+
+
+@pytest.mark.browser
+def test_the_pages_are_accessible_sorted_by_keyboard_and_fit_a_phone(plant, fleet, ask):
+    ask("page", "--no-broker", "--fleet", fleet, "--out", plant / "seen.html")
+    ask("month", "--month", "2026-11", "--fleet", fleet, "--out", plant / "seen-month.html")
+    with chromium() as browser:
+        for view in looks(browser):
+            for name in ("seen.html", "seen-month.html"):
+                view.goto((plant / name).as_uri())
+                assert serious_findings(view) == [] and view.errors == []
+        page = next(looks(browser))
+        page.goto((plant / "seen.html").as_uri())
+        page.focus("th:has-text('kWh a day') button")
+        page.keyboard.press("Enter")
+        page.keyboard.press("Enter")
+        assert page.locator("tbody th").all_inner_texts() == ["cell-2", "cell-1", "cell-3", "cell-4"]
+        page.fill("input[type=search]", "viscous")
+        assert page.locator("tbody tr:visible").count() == 1 and "1 rows" in page.inner_text("label.filter")
