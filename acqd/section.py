@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -23,3 +23,5 @@ class Section(BaseModel):
     """
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False, strict=True)
+    must_exist: ClassVar[tuple[str, ...]] = ()
+    """Keys that name a file or folder, which has to be there before a service starts."""

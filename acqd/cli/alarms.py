@@ -13,6 +13,7 @@ import typer
 
 from acqd.cli.options import ConfigFile, Host, Json, Port, broker_address, configured
 from acqd.errors import UserError
+from acqd.integrations.alarms.section import AlarmsSection
 from acqd.telemetry.mqtt import BrokerAddress
 
 if TYPE_CHECKING:  # acqd run starts without it
@@ -43,21 +44,21 @@ def alarms(context: typer.Context, config: ConfigFile = None, host: Host = None,
     from acqd.integrations.service import serve
 
     settings = configured(config, host, port, "bridge")
-    if not settings.alarms.webhooks and not settings.alarms.mail_to:
+    if not settings.table(AlarmsSection).webhooks and not settings.table(AlarmsSection).mail_to:
         raise UserError(_NOBODY)
-    with Alarms(settings.alarms, _watched_budgets(settings)) as service:
+    with Alarms(settings.table(AlarmsSection), _watched_budgets(settings)) as service:
         serve(settings.mqtt.address(), service.watch, f"acqd-alarms-{socket.gethostname()}")
 
 
 def _watched_budgets(settings: Config) -> Regularly[list[Standing]] | None:
     """None without budgets. Raises UserError."""
-    if not settings.alarms.budgets:
+    if not settings.table(AlarmsSection).budgets:
         return None
     from acqd.energy.budget import Budgets
     from acqd.energy.rules import rules_of
     from acqd.integrations.regularly import Regularly
 
-    budgets = Budgets(settings.alarms.budgets, rules_of(settings.energy))
+    budgets = Budgets(settings.table(AlarmsSection).budgets, rules_of(settings.energy))
     return Regularly(settings.sink.database, lambda engine: budgets.standings(engine, time.time()), _BUDGETS_S)
 
 
@@ -72,9 +73,9 @@ def budgets_command(config: ConfigFile = None, json: Json = False) -> None:
     from acqd.storage.database import read_database
 
     settings = configured(config)
-    if not settings.alarms.budgets:
+    if not settings.table(AlarmsSection).budgets:
         raise UserError("[alarms] has no budgets; docs/energy.md shows how to set some")
-    budgets = Budgets(settings.alarms.budgets, rules_of(settings.energy))
+    budgets = Budgets(settings.table(AlarmsSection).budgets, rules_of(settings.energy))
     standings = budgets.standings(read_database(settings.sink.database), time.time())
     if json:
         print(orjson.dumps([each.as_json() for each in standings]).decode())
@@ -131,8 +132,8 @@ def test_command(config: ConfigFile = None, json: Json = False) -> None:
     """
     from acqd.integrations.alarms.targets import RefusedError, targets_of
 
-    settings = configured(config).alarms
-    targets = targets_of(settings)
+    section = configured(config).table(AlarmsSection)
+    targets = targets_of(section)
     content = {"event": "test", "key": "test/test", "text": f"[acqd] test from {socket.gethostname()}", "details": {}}
     for target in targets:
         try:

@@ -41,10 +41,11 @@ def homeassistant(
     """
     from acqd.integrations.homeassistant.discovery import Discovery
     from acqd.integrations.homeassistant.removal import Removal
+    from acqd.integrations.homeassistant.section import HomeAssistantSection
     from acqd.integrations.service import serve
 
     settings = configured(config, host, port, "bridge")
-    section, address = settings.homeassistant, settings.mqtt.address()
+    section, address = settings.table(HomeAssistantSection), settings.mqtt.address()
     name = f"acqd-homeassistant-{socket.gethostname()}"
     if remove:
         removal = Removal(section.prefix, device)
@@ -90,10 +91,11 @@ def influx(config: ConfigFile = None, host: Host = None, port: Port = None, json
     Example: acqd bridge influx --config /etc/acqd/acqd.toml
     """
     from acqd.integrations.influx import Influx, check_url
+    from acqd.integrations.influx_section import InfluxSection
     from acqd.integrations.service import serve
 
     settings = configured(config, host, port, "bridge")
-    section = settings.influx
+    section = settings.table(InfluxSection)
     check_url(section.url)
     with Influx(section.url, section.token, section.measurement, section.waiting, section.quality) as bridge:
         serve(settings.mqtt.address(), bridge, f"acqd-influx-{socket.gethostname()}")
@@ -110,10 +112,12 @@ def plain(config: ConfigFile = None, host: Host = None, port: Port = None, json:
     Example: acqd bridge plain --config /etc/acqd/acqd.toml
     """
     from acqd.integrations.plain import Plain
+    from acqd.integrations.plain_section import PlainSection
     from acqd.integrations.service import serve
 
     settings = configured(config, host, port, "bridge")
-    bridge = Plain(settings.plain.prefix, every_row=settings.plain.every_row, quality=settings.plain.quality)
+    section = settings.table(PlainSection)
+    bridge = Plain(section.prefix, every_row=section.every_row, quality=section.quality)
     _show(serve(settings.mqtt.address(), bridge, f"acqd-plain-{socket.gethostname()}"), json=json)
 
 
@@ -125,9 +129,10 @@ def sparkplug(config: ConfigFile = None, host: Host = None, port: Port = None, j
     """
     from acqd.integrations.service import serve
     from acqd.integrations.sparkplug.node import Node
+    from acqd.integrations.sparkplug.section import SparkplugSection
 
     settings = configured(config, host, port, "bridge")
-    section = settings.sparkplug
+    section = settings.table(SparkplugSection)
     node = Node(section.group, section.node, section.stale_s, quality=section.quality)
     _show(serve(settings.mqtt.address(), node, f"acqd-sparkplug-{section.group}-{section.node}", qos=0), json=json)
 

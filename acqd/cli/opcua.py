@@ -20,13 +20,15 @@ def opcua(config: ConfigFile = None, host: Host = None, port: Port = None, json:
     """
     require("acqd opcua", ("asyncua",), "opcua")
     from acqd.integrations.bridge import Relay
+    from acqd.integrations.opcua.section import OpcUaSection
     from acqd.integrations.opcua.server import OpcUaServer
     from acqd.integrations.service import until_stopped
 
     # it warns of every client without encryption, and logs what we say better
     logging.getLogger("asyncua").setLevel(logging.CRITICAL)
     settings = configured(config, host, port, "bridge")
-    server = OpcUaServer(settings.opcua)
+    section = settings.table(OpcUaSection)
+    server = OpcUaServer(section)
     relay = Relay(settings.mqtt.address(), server, f"acqd-opcua-{socket.gethostname()}")
 
     async def both(stop: asyncio.Event) -> None:
@@ -36,6 +38,6 @@ def opcua(config: ConfigFile = None, host: Host = None, port: Port = None, json:
         stop.set()
         await asyncio.gather(serving, relaying)
 
-    check_port(settings.opcua.host, settings.opcua.port, "OPC UA")
+    check_port(section.host, section.port, "OPC UA")
     print(orjson.dumps({"endpoint": server.endpoint}).decode() if json else f"serving {server.endpoint}", flush=True)
     asyncio.run(until_stopped(both))

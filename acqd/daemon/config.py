@@ -8,12 +8,11 @@ import os
 import socket
 import tomllib
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, TypeVar, cast, get_args
 
-from pydantic import BaseModel, Field, ValidationError, field_validator, model_validator
+from pydantic import BaseModel, Field, ValidationError, create_model, field_validator, model_validator
 
 from acqd.daemon import nominal
-from acqd.daemon.alarms_section import AlarmsSection
 from acqd.daemon.archive_section import ArchiveSection
 from acqd.daemon.box_section import BoxSection
 from acqd.daemon.config_place import as_installed
@@ -22,18 +21,15 @@ from acqd.daemon.earlier_files import with_tariff, without_effect
 from acqd.daemon.energy_section import EnergySection
 from acqd.daemon.events.section import EventsSection
 from acqd.daemon.health.section import HealthSection
-from acqd.daemon.homeassistant_section import HomeAssistantSection
-from acqd.daemon.influx_section import InfluxSection
 from acqd.daemon.instance import name_of_host
+from acqd.daemon.integration_sections import integration_tables
 from acqd.daemon.modbus_sections import MetersSection
 from acqd.daemon.mqtt_section import MqttSection, Service
-from acqd.daemon.opcua_section import OpcUaSection
 from acqd.daemon.quality_section import QualitySection
 from acqd.daemon.registers_section import RegistersSection
 from acqd.daemon.section import Positive
 from acqd.daemon.source_sections import SECTIONS, SimulatedSection, SourceSection
 from acqd.daemon.spool_section import SpoolSection
-from acqd.daemon.topic_sections import PlainSection, SparkplugSection
 from acqd.daemon.web_section import WebSection
 from acqd.errors import InputError
 from acqd.plc.realtime import RealtimeSettings
@@ -46,6 +42,7 @@ if TYPE_CHECKING:  # SQLAlchemy is slow to import, and a daemon that is started 
 
 
 _log = logging.getLogger(__name__)
+Table = TypeVar("Table", bound=Section)
 
 
 class MeteringSection(Section):
@@ -105,8 +102,8 @@ class SinkSection(Section):
         return Retention(self.keep_days, self.keep_1min_days, self.keep_quarantine_days)
 
 
-class Config(Section):
-    """The whole file."""
+class _Daemon(Section):
+    """What the daemon reads."""
 
     device: str = "acqd"
     state_dir: FileName | None = None
@@ -126,12 +123,6 @@ class Config(Section):
     health: HealthSection = HealthSection()
     energy: EnergySection = EnergySection()
     web: WebSection = WebSection()
-    homeassistant: HomeAssistantSection = HomeAssistantSection()
-    plain: PlainSection = PlainSection()
-    sparkplug: SparkplugSection = Field(default_factory=SparkplugSection)
-    influx: InfluxSection = InfluxSection()
-    opcua: OpcUaSection = OpcUaSection()
-    alarms: AlarmsSection = Field(default_factory=AlarmsSection)
 
     @field_validator("device")
     @classmethod
@@ -151,27 +142,27 @@ class Config(Section):
         return data
 
     @model_validator(mode="after")
-    def _different_devices(self) -> Config:
+    def _different_devices(self) -> Self:
         names = [name for box in self.boxes for name in box.devices]
         if twice := [name for name in names if names.count(name) > 1]:
             raise ValueError(f"two sources have the device {twice[0]!r}; their rows could not be told apart")
         return self
 
     @model_validator(mode="after")
-    def _events_of_samples(self) -> Config:
+    def _events_of_samples(self) -> Self:
         if self.events.enabled and all(isinstance(source, MetersSection) for source in self.sources):
             raise ValueError('events.enabled: sources of kind "meters" have no samples; set it to false')
         return self
 
     @model_validator(mode="after")
-    def _archive_of_samples(self) -> Config:
+    def _archive_of_samples(self) -> Self:
         if self.archive.enabled and all(isinstance(source, MetersSection) for source in self.sources):
             raise ValueError('archive.enabled: sources of kind "meters" have no samples; set it to false')
         return self
 
     @model_validator(mode="after")
-    def _known_voltages(self) -> Config:
-        nominal.check(self)
+    def _known_voltages(self) -> Self:
+        nominal.check(cast("Config", self))
         return self
 
     @property
@@ -203,7 +194,7 @@ class Config(Section):
             return [] if isinstance(self.source, MetersSection) else [self.device]
         return [name for box in self.boxes if not isinstance(box.source, MetersSection) for name in box.devices]
 
-    def of_box(self, box: BoxSection) -> Config:
+    def of_box(self, box: BoxSection) -> Self:
         """The configuration of a daemon that has this box only."""
         return self.model_copy(update={"device": box.device or self.device, "source": box.source, "boxes": []})
 
@@ -215,8 +206,13 @@ class Config(Section):
         f = self.source.nominal_frequency
         return 0.12 if f < 45 else 0.04 if f < 55 or f > 65 else 0.05
 
+    def table(self, section: type[Table]) -> Table:
+        """The table of an integration, by its model."""
+        name = next(name for name, known in integration_tables().items() if known is section)
+        return cast(Table, getattr(self, name))
+
     @classmethod
-    def demonstration(cls, port: int) -> Config:
+    def demonstration(cls, port: int) -> Self:
         """The configuration of `acqd run` without a file: simulated source, embedded broker and sink."""
         return cls(
             device=name_of_host(),
@@ -224,6 +220,20 @@ class Config(Section):
             broker=BrokerSection(embedded=True),
             sink=SinkSection(embedded=True),
         )
+
+
+if TYPE_CHECKING:
+
+    class Config(_Daemon):
+        """The whole file: what the daemon reads, and a table of every integration."""
+else:
+    Config = create_model(
+        "Config",
+        __base__=_Daemon,
+        __module__=__name__,
+        __doc__="The whole file: what the daemon reads, and a table of every integration.",
+        **{name: (table, Field(default_factory=table)) for name, table in integration_tables().items()},
+    )
 
 
 def _boxes(tables: list[Any]) -> list[Any]:

@@ -11,6 +11,7 @@ from acqd.daemon.checks import database_check
 from acqd.daemon.config import Config
 from acqd.daemon.finding import Finding
 from acqd.errors import UserError
+from acqd.section import Section
 from acqd.telemetry import certificates
 
 
@@ -48,12 +49,12 @@ def _places(config: Config) -> Iterator[Finding]:
     named = {
         "state_dir": config.state_dir,
         "archive.folder": config.archive.folder if config.archive.enabled else None,
-        "energy.tariff": config.energy.tariff,
-        "web.reports": config.web.reports,
-        "web.logs": config.web.logs,
-        "web.model": config.web.model,
-        "opcua.certificate": config.opcua.certificate,
-        "opcua.key": config.opcua.key,
+        **{
+            f"{name}.{key}": getattr(section, key)
+            for name, section in config
+            if isinstance(section, Section)
+            for key in section.must_exist
+        },
     }
     for key, path in named.items():
         if path is None:

@@ -11,6 +11,8 @@ from acqd.section import FileName, Section
 class WebSection(Section):
     """Where the page is served, and which folders it shows."""
 
+    must_exist = ("reports", "logs", "model")
+
     enabled: bool = False
     """`acqd run` starts the page in a separate process."""
     host: str = "127.0.0.1"

@@ -15,8 +15,8 @@ from zoneinfo import ZoneInfo
 
 import sqlalchemy as sa
 
-from acqd.daemon.alarms_section import Budget
 from acqd.energy.account import Period, sum_of
+from acqd.energy.budget_section import Budget
 from acqd.energy.periods import Range, current, days_before
 from acqd.energy.read import devices, read_accounts
 from acqd.energy.rules import Rules

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import subprocess
+import sys
 import tomllib
 
 import pytest
@@ -116,3 +118,30 @@ def test_replay_takes_map_scales_and_rate(tmp_path):
     channels = config.source.spec()["channels"]
     assert channels["columns"] == {"u1": "A", "i1": "B"} and channels["u_scale"] == 200 and channels["rate"] == 10_000
     assert config.window == 0.05
+
+
+def test_a_new_integration_brings_its_table(tmp_path):
+    """No file of the daemon names an integration."""
+    (tmp_path / "doors").mkdir()
+    (tmp_path / "doors" / "__init__.py").touch()
+    (tmp_path / "doors" / "section.py").write_text(
+        "from acqd.section import Section\n\n\nclass Doors(Section):\n    open_s: float = 5.0\n\n\n"
+        'TABLES = {"doors": Doors}\n'
+    )
+    (tmp_path / "c.toml").write_text("[doors]\nopen_s = 2.5\n")
+    (tmp_path / "wrong.toml").write_text("[doors]\nopen = 2.5\n")
+    code = f"""
+from pathlib import Path
+import acqd.integrations
+acqd.integrations.__path__.append({str(tmp_path)!r})
+from acqd.daemon.config import Config, load_config
+from acqd.integrations.doors.section import Doors
+print(load_config(Path("c.toml")).table(Doors).open_s, Config().table(Doors).open_s)
+try:
+    load_config(Path("wrong.toml"))
+except ValueError as error:
+    print(error)
+"""
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.stdout.splitlines()[0] == "2.5 5.0", done.stderr
+    assert "unknown key doors.open; did you mean doors.open_s?" in done.stdout + done.stderr

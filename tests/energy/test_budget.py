@@ -9,12 +9,13 @@ from zoneinfo import ZoneInfo
 import pytest
 import sqlalchemy as sa
 
-from acqd.daemon.alarms_section import AlarmsSection, Budget
 from acqd.energy.budget import Budgets
+from acqd.energy.budget_section import Budget
 from acqd.energy.rules import Rules
 from acqd.energy.tariff import load_tariff
 from acqd.errors import UserError
 from acqd.integrations.alarms.book import Book
+from acqd.integrations.alarms.section import AlarmsSection
 from acqd.integrations.alarms.watch import ACTIVE, AlarmWatch
 from acqd.storage.database import open_database, transaction
 from acqd.storage.schema import power_15min

@@ -13,8 +13,8 @@ import aiomqtt
 import orjson
 import pytest
 
-from acqd.daemon.alarms_section import AlarmsSection
 from acqd.integrations.alarms.book import Book
+from acqd.integrations.alarms.section import AlarmsSection
 from acqd.integrations.alarms.sender import Sender
 from acqd.integrations.alarms.service import Alarms
 from acqd.integrations.alarms.targets import Mail, RefusedError, Webhook

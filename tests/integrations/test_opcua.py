@@ -15,8 +15,8 @@ pytest.importorskip("asyncua", reason="needs acqd[opcua]")
 from asyncua import Client, ua
 from asyncua.crypto.permission_rules import UserRole
 
-from acqd.daemon.opcua_section import OpcUaSection
 from acqd.integrations.opcua.quality import status_of
+from acqd.integrations.opcua.section import OpcUaSection
 from acqd.integrations.opcua.server import OpcUaServer, _BoundedProtocol, _Readers
 from acqd.telemetry.broker import free_port
 from tests.integrations.messages import event, quality, status

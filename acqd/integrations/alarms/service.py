@@ -11,10 +11,10 @@ from typing import Any
 import orjson
 
 from acqd.atomic import write_complete
-from acqd.daemon.alarms_section import AlarmsSection
 from acqd.energy.budget import Standing
 from acqd.errors import OperationError
 from acqd.integrations.alarms.book import Alarm, Book, Notification
+from acqd.integrations.alarms.section import AlarmsSection
 from acqd.integrations.alarms.sender import Sender
 from acqd.integrations.alarms.targets import targets_of
 from acqd.integrations.alarms.watch import AlarmWatch

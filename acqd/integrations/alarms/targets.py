@@ -10,7 +10,7 @@ from typing import Any, Protocol
 
 import orjson
 
-from acqd.daemon.alarms_section import AlarmsSection
+from acqd.integrations.alarms.section import AlarmsSection
 from acqd.integrations.http import post
 
 _TIMEOUT_S = 10.0

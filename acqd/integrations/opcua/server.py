@@ -15,9 +15,9 @@ from asyncua import Server, ua
 from asyncua.crypto.permission_rules import User, UserRole
 from asyncua.server import binary_server_asyncio
 
-from acqd.daemon.opcua_section import OpcUaSection
 from acqd.errors import UserError
 from acqd.integrations.daemons import Daemons
+from acqd.integrations.opcua.section import OpcUaSection
 from acqd.integrations.opcua.space import NAMESPACE, Path, Space, path_of
 from acqd.integrations.quality import event_of, quality_of, subscriptions, wanted
 from acqd.integrations.rows import TOPICS, rows_of

@@ -18,3 +18,6 @@ class HomeAssistantSection(Section):
     expire_s: Annotated[int, Field(ge=0, le=86_400)] = 60
     """A value that is not renewed for so long becomes unavailable [s]; 0: never."""
     channels: Annotated[tuple[Literal["L1", "L2", "L3", "total"], ...], ARRAY] = ("L1", "L2", "L3", "total")
+
+
+TABLES = {"homeassistant": HomeAssistantSection}

@@ -15,6 +15,8 @@ from acqd.telemetry.mqtt import is_loopback
 class OpcUaSection(Section):
     """The OPC UA server of `acqd opcua`."""
 
+    must_exist = ("certificate", "key")
+
     host: Annotated[str, Field(min_length=1)] = "127.0.0.1"
     port: Port = 4840
     certificate: FileName | None = None
@@ -36,3 +38,6 @@ class OpcUaSection(Section):
         if not is_loopback(self.host) and (self.certificate is None or self.username is None):
             raise ValueError("off loopback, certificate, key, username and password are needed")
         return self
+
+
+TABLES = {"opcua": OpcUaSection}

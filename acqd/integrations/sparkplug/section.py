@@ -1,4 +1,4 @@
-"""`[plain]` and `[sparkplug]` of acqd.toml."""
+"""`[sparkplug]` of acqd.toml."""
 
 from __future__ import annotations
 
@@ -14,16 +14,6 @@ from acqd.section import Section
 _Name = Annotated[str, Field(pattern=r"^[^/+#\s]{1,64}$")]
 
 
-class PlainSection(Section):
-    """Numbers of `acqd bridge plain`."""
-
-    prefix: Annotated[str, Field(pattern=r"^[^/+#\s]+(/[^/+#\s]+)*$")] = "acqd"
-    every_row: bool = False
-    """Of every row instead of the 1 s summaries."""
-    quality: BridgedQuality = "150/180"
-    """Rows of power quality from this aggregation on: some 800 numbers per interval of three phases."""
-
-
 class SparkplugSection(Section):
     """The edge node of `acqd bridge sparkplug`."""
 
@@ -33,3 +23,6 @@ class SparkplugSection(Section):
     """A device without summaries for so long is declared dead [s]."""
     quality: BridgedQuality = "150/180"
     """Rows of power quality from this aggregation on: some 800 metrics per interval of three phases."""
+
+
+TABLES = {"sparkplug": SparkplugSection}

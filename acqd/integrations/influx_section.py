@@ -20,3 +20,6 @@ class InfluxSection(Section):
     """Rows that are kept in memory while the server is away."""
     quality: BridgedQuality = "10/12"
     """Rows of power quality from this aggregation on."""
+
+
+TABLES = {"influx": InfluxSection}
