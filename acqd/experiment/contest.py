@@ -138,7 +138,7 @@ class Contest:
     def _distance(self, schur: Floats, cause: Cause, explained: Floats, complexity: Floats) -> Floats:
         """[sizes]; `explained` [rivals] share of the cause's evidence, `complexity` [rivals] what a rival pays."""
         theta = np.abs(cause.sizes()[0])
-        power = float(cause.weights @ self._crossed(schur, cause)[self._own(cause)])
+        power = float(cause.weights @ self._crossed(schur, cause)[self._positions(cause)])
         if power < LEAST_POWER:
             return np.full(len(theta), _NEVER)
         precision = self.learning_rate * power
@@ -157,17 +157,17 @@ class Contest:
 
     def _complexity(self, schur: Floats, cause: Cause) -> float:
         """log det(I + D S D) of a cause's parameters."""
-        own = self._own(cause)
-        block, _ = part_of(schur, schur[0], own, cause.candidate)
+        positions = self._positions(cause)
+        block, _ = part_of(schur, schur[0], positions, cause.candidate)
         scaled = np.eye(len(block)) + self.learning_rate * cause.priors[:, None] * block * cause.priors
         return float(np.linalg.slogdet(scaled)[1])
 
-    def _own(self, cause: Cause) -> Indices:
+    def _positions(self, cause: Cause) -> Indices:
         return np.asarray(np.searchsorted(self.used, cause.candidate.indices))
 
     def _crossed(self, schur: Floats, cause: Cause) -> Floats:
         """[used] products of all columns with the power of a cause of size 1."""
-        return np.asarray(schur[:, self._own(cause)] @ cause.weights)
+        return np.asarray(schur[:, self._positions(cause)] @ cause.weights)
 
     def _rivals(self, schur: Floats) -> tuple[Floats, Floats]:
         """[rivals, causes] share of a cause's evidence that a rival explains, 0 for other places of the same effect.
@@ -175,7 +175,7 @@ class Contest:
         And [rivals] what a rival pays for its parameters, places and shapes: log det(I + D S D) + 2 log(tried).
         """
         cross = np.column_stack([self._crossed(schur, cause) for cause in self.causes])
-        power = np.array([cause.weights @ cross[self._own(cause), k] for k, cause in enumerate(self.causes)])
+        power = np.array([cause.weights @ cross[self._positions(cause), k] for k, cause in enumerate(self.causes)])
         shares, pays = np.zeros((len(self.rivals), len(self.causes))), np.zeros(len(self.rivals))
         for group in self.groups:
             own = group.columns

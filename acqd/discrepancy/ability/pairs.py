@@ -73,12 +73,12 @@ def _explained(
     power = np.maximum(np.einsum("ck,ck->k", weights, cross), LEAST_POWER)
     explained = np.zeros((len(candidates), len(effects)))
     for number, candidate in enumerate(candidates):
-        own = np.searchsorted(used, candidate.indices)
-        schur, _ = part_of(competition.schur, competition.products, own, candidate)
+        positions = np.searchsorted(used, candidate.indices)
+        schur, _ = part_of(competition.schur, competition.products, positions, candidate)
         if not acts(schur):
             continue
         whole = schur + np.diag(prior_of(rows.design, candidate) ** -2.0 / rows.learning_rate)
-        theirs = cross[own] if candidate.mix is None else candidate.mix.T @ cross[own]
+        theirs = cross[positions] if candidate.mix is None else candidate.mix.T @ cross[positions]
         explained[number] = np.einsum("pk,pk->k", theirs, np.linalg.solve(whole, theirs)) / power
     return np.clip(explained, 0.0, 1.0)
 

@@ -91,8 +91,8 @@ def smallest_sizes(rows: Rows, gate: Floats, longer: float = 1.0) -> list[Smalle
     kinds = kinds_of(design.columns.candidates)
     found = []
     for unit, spread in zip(units, spreads, strict=True):
-        own = np.searchsorted(used, unit.candidate.indices)
-        schur, _ = part_of(competition.schur, competition.products, own, unit.candidate)
+        positions = np.searchsorted(used, unit.candidate.indices)
+        schur, _ = part_of(competition.schur, competition.products, positions, unit.candidate)
         if not acts(schur):
             found.append(Smallest(unit.candidate, None, None, "motion", 0.0))
             continue

@@ -106,8 +106,8 @@ def _in_triangle(rows: Indices, columns: Indices, size: int) -> Indices:
 @lru_cache(maxsize=8)
 def _remembered_triangle(rows: bytes, columns: bytes, size: int) -> Indices:
     """Blocks after blocks are asked for the same columns."""
-    own, other = (np.frombuffer(each, dtype=np.int64) for each in (rows, columns))
-    return _upper(np.minimum.outer(own, other), np.maximum.outer(own, other), size)
+    first, second = (np.frombuffer(each, dtype=np.int64) for each in (rows, columns))
+    return _upper(np.minimum.outer(first, second), np.maximum.outer(first, second), size)
 
 
 def _upper(row: Indices, column: Indices, size: int) -> Indices:
@@ -160,16 +160,16 @@ class Products(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Competition:
-    """Candidate columns under a gate, with the regression's own columns projected out."""
+    """Candidate columns under a gate, with the regression's columns projected out."""
 
     schur: Floats
     """[c, c] Schur complement of the regression's block in the joint Gram matrix."""
     products: Floats
     """[c] products of the projected candidates with the residual."""
     projection: Floats
-    """[own, c] coefficients of the candidates on the regression's columns."""
+    """[columns, c] coefficients of the candidates on the regression's columns."""
     beta: Floats
-    """[own] coefficients without candidates."""
+    """[columns] coefficients without candidates."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,9 +177,9 @@ class Moments:
     """What blocks say of columns, whatever their power is: products of the regression's columns and of candidates."""
 
     normal: Floats
-    """[own, own] without priors."""
+    """[columns, columns] without priors."""
     cross: Floats
-    """[own, c]."""
+    """[columns, c]."""
     squares: Floats
     """[c, c]."""
 
@@ -192,12 +192,12 @@ class _Cross:
     """[c, c]."""
     products: Floats
     """[c] with the residual."""
-    own: Floats
-    """[own, c] with the regression's columns."""
+    columns: Floats
+    """[columns, c] with the regression's columns."""
 
     def copy(self) -> _Cross:
         """Another one with the same values."""
-        return _Cross(self.squares.copy(), self.products.copy(), self.own.copy())
+        return _Cross(self.squares.copy(), self.products.copy(), self.columns.copy())
 
 
 class Regression:
@@ -206,7 +206,7 @@ class Regression:
     def __init__(self, blocks: Blocks, columns: list[Column]) -> None:
         self.blocks, self.columns = blocks, columns
         self.indices: Indices = np.array([column.index for column in columns])
-        self.gates: Floats = np.array([column.gate for column in columns])  # [own, blocks]
+        self.gates: Floats = np.array([column.gate for column in columns])  # [columns, blocks]
         self.precision = np.array([0.0 if np.isinf(c.deviation) else c.deviation**-2.0 for c in columns])
         self._pull = self.precision * np.array([c.mean for c in columns])
         self._normal: tuple[Floats, Floats] | None = None  # of all blocks
@@ -233,16 +233,16 @@ class Regression:
         weights = np.ones(len(self.blocks)) if weights is None else weights
         factor, beta = self._solved(weights)
         cross = self._cross(candidates, gate, weights)
-        projection = cho_solve(factor, cross.own)
+        projection = cho_solve(factor, cross.columns)
         return Competition(
-            schur=cross.squares - cross.own.T @ projection, products=cross.products - cross.own.T @ beta,
+            schur=cross.squares - cross.columns.T @ projection, products=cross.products - cross.columns.T @ beta,
             projection=projection, beta=beta,
         )  # fmt: skip
 
     def moments(self, candidates: Indices, gate: Floats, weights: Floats) -> Moments:
         """Sums over weighted blocks; candidates count under `gate` [blocks]. Sums of several sets of blocks add."""
         cross = self._add_cross(None, candidates, gate * weights)
-        return Moments(self._add_normal(None, weights)[0], cross.own, cross.squares)
+        return Moments(self._add_normal(None, weights)[0], cross.columns, cross.squares)
 
     def _solved(self, weights: Floats) -> tuple[tuple[Floats, bool], Floats]:
         """Cholesky factor of the normal matrix, and the coefficients; those of the latest weights are kept."""
@@ -270,12 +270,14 @@ class Regression:
         for i in np.flatnonzero(weighted).tolist():
             cross.squares += weighted[i] * gram.take(i, candidates, candidates)
             cross.products += weighted[i] * gram.residual_products(i, candidates)
-            own = np.flatnonzero(self.gates[:, i])
-            cross.own[own] += weighted[i] * self.gates[own, i, None] * gram.take(i, self.indices[own], candidates)
+            active = np.flatnonzero(self.gates[:, i])
+            cross.columns[active] += (
+                weighted[i] * self.gates[active, i, None] * gram.take(i, self.indices[active], candidates)
+            )
         return cross
 
     def normal(self, weights: Floats) -> tuple[Floats, Floats]:
-        """Normal matrix [own, own] and vector [own] with the priors, blocks weighted."""
+        """Normal matrix [columns, columns] and vector [columns] with the priors, blocks weighted."""
         changed = np.count_nonzero(weights != 1)
         if 2 * changed >= len(weights):
             A, b = self._add_normal(None, weights)
@@ -292,25 +294,25 @@ class Regression:
         size = len(self.columns)
         A, b = (np.zeros((size, size)), np.zeros(size)) if to is None else (to[0].copy(), to[1].copy())
         for i in np.flatnonzero(weights).tolist():
-            own, squares, products = self._own(i)
-            A[np.ix_(own, own)] += weights[i] * squares
-            b[own] += weights[i] * products
+            active, squares, products = self._open_in(i)
+            A[np.ix_(active, active)] += weights[i] * squares
+            b[active] += weights[i] * products
         return A, b
 
-    def _own(self, block: int) -> tuple[Indices, Floats, Floats]:
+    def _open_in(self, block: int) -> tuple[Indices, Floats, Floats]:
         """Columns [o] that are open in a block, their products [o, o], and those with the residual [o].
 
         A random intercept is open in one block only: a hundred blocks have a hundred of them. Not kept:
         the products of an hour's blocks are larger than what they save.
         """
         gram = self.blocks.white
-        own = np.flatnonzero(self.gates[:, block])
-        gates, indices = self.gates[own, block], self.indices[own]
+        active = np.flatnonzero(self.gates[:, block])
+        gates, indices = self.gates[active, block], self.indices[active]
         squares = gram.take(block, indices, indices) * np.outer(gates, gates)
-        return own, squares, gram.residual_products(block, indices) * gates
+        return active, squares, gram.residual_products(block, indices) * gates
 
     def solve(self) -> Floats:
-        """[own] coefficients of all columns on all blocks."""
+        """[columns] coefficients of all columns on all blocks."""
         A, b = self.normal(np.ones(len(self.blocks)))
         return np.asarray(cho_solve(cho_factor(A), b))
 
@@ -320,12 +322,12 @@ class Regression:
         scores = np.zeros((len(self.blocks), len(candidates)))
         beta, projection = competition.beta, competition.projection
         for i in range(len(self.blocks)):
-            own, squares, products = self._own(i)
-            inside = beta[own]
-            scores[i] = -projection[own].T @ (products - squares @ inside)
+            active, squares, products = self._open_in(i)
+            inside = beta[active]
+            scores[i] = -projection[active].T @ (products - squares @ inside)
             if gate[i]:
-                cross = gram.take(i, candidates, self.indices[own])
-                left = gram.residual_products(i, candidates) - cross @ (self.gates[own, i] * inside)
+                cross = gram.take(i, candidates, self.indices[active])
+                left = gram.residual_products(i, candidates) - cross @ (self.gates[active, i] * inside)
                 scores[i] += gate[i] * left
         return scores
 
@@ -339,13 +341,13 @@ class Regression:
         Q, s = np.zeros_like(competition.schur), np.zeros(len(candidates))
         beta, projection = competition.beta, competition.projection
         for i in blocks.tolist():
-            own = np.flatnonzero(self.gates[:, i])
-            gates, indices = self.gates[own, i], self.indices[own]
+            active = np.flatnonzero(self.gates[:, i])
+            gates, indices = self.gates[active, i], self.indices[active]
             square, cross_cm = gram.take(i, indices, indices), gram.take(i, candidates, indices)
-            left = gate[i] * (gram.residual_products(i, candidates) - cross_cm @ (gates * beta[own]))
-            own_left = gates * (gram.residual_products(i, indices) - square @ (gates * beta[own]))
-            s += left - projection[own].T @ own_left
-            gated = gates[:, None] * projection[own]
+            left = gate[i] * (gram.residual_products(i, candidates) - cross_cm @ (gates * beta[active]))
+            column_left = gates * (gram.residual_products(i, indices) - square @ (gates * beta[active]))
+            s += left - projection[active].T @ column_left
+            gated = gates[:, None] * projection[active]
             cross = gate[i] * cross_cm @ gated
             Q += gate[i] * gram.take(i, candidates, candidates) - cross - cross.T + gated.T @ square @ gated
         return Q, s

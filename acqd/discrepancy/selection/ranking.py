@@ -63,7 +63,7 @@ class _Contest:
     """Candidates that compete under a gate; their columns are taken from the Gram matrices once."""
 
     used: Indices
-    owns: list[Indices]
+    positions: list[Indices]
     """Per candidate: indices into `used`."""
 
     @classmethod
@@ -96,16 +96,16 @@ def gains(rows: Rows, gate: Floats, findings: list[Finding]) -> tuple[list[str],
     for number, name in enumerate(names):
         blocks = np.array([k for k, part in enumerate(design.parts) if gate[k] and part.recording == name])
         Q, s = regression.held_out_products(competition, contest.used, gate, blocks, design.blocks.white)
-        for k, (finding, columns) in enumerate(zip(findings, contest.owns, strict=True)):
+        for k, (finding, columns) in enumerate(zip(findings, contest.positions, strict=True)):
             Qk, sk = part_of(Q, s, columns, finding.candidate)
             theta = finding.coefficients
             values[k, number] = rows.learning_rate * float(2 * theta @ sk - theta @ Qk @ theta)
     return names, values
 
 
-def part_of(schur: Floats, products: Floats, own: Indices, candidate: Candidate) -> tuple[Floats, Floats]:
+def part_of(schur: Floats, products: Floats, positions: Indices, candidate: Candidate) -> tuple[Floats, Floats]:
     """Schur complement and products of a candidate's parameters; `own`: indices of its columns in those."""
-    schur, products = schur[np.ix_(own, own)], products[own]
+    schur, products = schur[np.ix_(positions, positions)], products[positions]
     if candidate.mix is not None:
         schur, products = candidate.mix.T @ schur @ candidate.mix, candidate.mix.T @ products
     return schur, products
@@ -128,15 +128,15 @@ def _judged(
     design, rate = rows.design, rows.learning_rate
     deviations = prior_deviations(design, contest.used)
     searched = float(np.log(max(float(design.blocks.rows @ (weights > 0)), 2.0)))
-    for number, (candidate, own) in enumerate(zip(candidates, contest.owns, strict=True)):
-        schur, products = part_of(competition.schur, competition.products, own, candidate)
+    for number, (candidate, positions) in enumerate(zip(candidates, contest.positions, strict=True)):
+        schur, products = part_of(competition.schur, competition.products, positions, candidate)
         if not acts(schur):
             continue
         S, h = rate * schur, rate * products
         at_joints = design.at_joints(candidate, weights)
         if at_joints is not None:
             S, h = S + at_joints.precision, h + at_joints.product
-        D = _deviations(candidate, deviations[own])
+        D = _deviations(candidate, deviations[positions])
         bounds = bounds_of(candidate)
         theta, deviation, evidence = posterior(S, h, D, *bounds)
         paid = 2 * np.log(candidate.tried) + candidate.cost * searched

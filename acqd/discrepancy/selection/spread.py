@@ -110,11 +110,11 @@ def _amplitudes(design: Design, regression: Regression, findings: Sequence[Findi
     the inverse variance of an amplitude in white noise.
     """
     used = np.unique(np.concatenate([finding.candidate.indices for finding in findings]))
-    owns = [np.searchsorted(used, finding.candidate.indices) for finding in findings]
+    positions = [np.searchsorted(used, finding.candidate.indices) for finding in findings]
     pairs: list[list[tuple[float, float]]] = [[] for _ in findings]
     for blocks in sessions_of(design.parts, in_question=False).values():
         competition = regression.compete(used, _gate(design, blocks), 1 - design.columns.in_question)
-        for finding, own, found in zip(findings, owns, pairs, strict=True):
+        for finding, own, found in zip(findings, positions, pairs, strict=True):
             schur, products = part_of(competition.schur, competition.products, own, finding.candidate)
             known = float(finding.coefficients @ schur @ finding.coefficients)
             if acts(schur) and known > LEAST_POWER:

@@ -46,9 +46,9 @@ class Standing:
     def of(cls, contenders: Sequence[Contender], above_nothing: float) -> Standing:
         """Columns that are wrong by kappa leave up to kappa^2 rho^2 of what the stronger one explains (ADR 26)."""
         leading = [_strongest([each for each in contenders if (each.id == LAW) == law]) for law in (False, True)]
-        moved = {own.id: (_moved(own, leading[0]), _moved(own, leading[1])) for own in contenders}
-        twins = {own.id: own.twin for own in contenders if own.twin is not None}
-        return cls({own.id: own.evidence for own in contenders}, moved, above_nothing, twins)
+        moved = {each.id: (_moved(each, leading[0]), _moved(each, leading[1])) for each in contenders}
+        twins = {each.id: each.twin for each in contenders if each.twin is not None}
+        return cls({each.id: each.evidence for each in contenders}, moved, above_nothing, twins)
 
     @cached_property
     def _rivals(self) -> tuple[Floats, Floats]:
@@ -56,14 +56,14 @@ class Standing:
         names = list(self.evidence)
         firsts = [_first(self.evidence, law=False), _first(self.evidence, law=True)]
         ahead, moved = np.full((len(names), len(names)), -np.inf), np.zeros((len(names), len(names)))
-        for k, own in enumerate(names):
+        for k, name in enumerate(names):
             for j, rival in enumerate(names):
-                if own != rival and (own in firsts or rival in firsts):  # the others are behind one of the two
-                    ahead[k, j] = self.evidence[rival] - self.evidence[own]
+                if name != rival and (name in firsts or rival in firsts):  # the others are behind one of the two
+                    ahead[k, j] = self.evidence[rival] - self.evidence[name]
                     moved[k, j] = (
-                        self.moved[own][firsts.index(rival)]
+                        self.moved[name][firsts.index(rival)]
                         if rival in firsts
-                        else self.moved[rival][firsts.index(own)]
+                        else self.moved[rival][firsts.index(name)]
                     )
         return ahead, moved
 
@@ -107,8 +107,8 @@ def _first(evidence: Mapping[str, float], *, law: bool) -> str | None:
     return max((name for name in evidence if (name == LAW) == law), key=lambda name: evidence[name], default=None)
 
 
-def _moved(own: Contender, other: Contender | None) -> float:
-    if other is None or other is own:
+def _moved(one: Contender, other: Contender | None) -> float:
+    if other is None or other is one:
         return 0.0
-    larger = max(own.evidence, other.evidence, 0.0)
-    return THRESHOLDS.column_error**2 * proportional(own.power, other.power) * larger
+    larger = max(one.evidence, other.evidence, 0.0)
+    return THRESHOLDS.column_error**2 * proportional(one.power, other.power) * larger
