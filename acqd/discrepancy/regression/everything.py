@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -25,10 +25,9 @@ def left_by_everything(
     columns: DesignColumns, whitener: Whitener, base: list[Column], weights: Floats
 ) -> dict[int, Floats]:
     """[T] W of known rows by segment with weighted blocks: residuals of a fit of all columns to those blocks."""
-    beta = _fit(
-        columns, base, {k: white_products(columns, whitener, columns.parts[k]) for k in np.flatnonzero(weights)}
-    )
-    open_ = sorted({part.segment for part, weight in zip(columns.parts, weights, strict=True) if weight})
+    parts = [part for part, weight in zip(columns.parts, weights, strict=True) if weight]
+    beta = _fit(columns, base, (white_products(columns, whitener, part) / part.noise**2 for part in parts))
+    open_ = sorted({part.segment for part in parts})
     known = {k: known_rows(columns.segments[k]) for k in open_}
     return {k: columns.residual[k][known[k]] - columns.values[k][known[k]] @ beta for k in open_}
 
@@ -75,7 +74,7 @@ def _white_left(
         blocks = np.flatnonzero(side).tolist()
         if not blocks:
             continue
-        beta = _fit(columns, base, {number: products[number] for number in blocks})
+        beta = _fit(columns, base, (products[number] / columns.parts[number].noise ** 2 for number in blocks))
         for number in blocks:
             part = columns.parts[number]
             measured = columns.residual[part.segment][part.rows]
@@ -83,12 +82,15 @@ def _white_left(
     return left
 
 
-def _fit(columns: DesignColumns, base: list[Column], products: Mapping[int, Floats]) -> Floats:
-    """[p] coefficients of all columns but the unnamed torque laws (0), on blocks with their `white_products`."""
+def _fit(columns: DesignColumns, base: list[Column], products: Iterable[Floats]) -> Floats:
+    """[p] coefficients of all columns but the unnamed torque laws (0), on blocks with these products of white rows."""
     p = columns.values[0].shape[1]
     # torque laws are many and similar to effects: in few recordings they would explain the noise too
     last = p - sum(len(group.columns) for group in torque_groups(columns.model.axes))
-    total = symmetric(sum(each / columns.parts[number].noise ** 2 for number, each in products.items()), p + 1)
+    triangle = np.zeros((p + 1) * (p + 2) // 2)
+    for each in products:
+        triangle += each
+    total = symmetric(triangle, p + 1)
     A, b = total[:last, :last], total[:last, p]
     A[np.diag_indices(len(base))] += np.array([column.deviation for column in base]) ** -2.0
     beta = np.zeros(p)
