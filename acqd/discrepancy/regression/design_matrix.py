@@ -128,12 +128,12 @@ class Design:
             )
             white = white_rows(self.whitener, part, values) * good[:, None]
             white = self.whitener.back(white / part.noise, past=part.past > 0)
-            products[0].append(np.concatenate([each[part.rows].T @ white for each in everything]))
+            products[0].append(np.concatenate([(white.T @ each[part.rows]).T for each in everything]))
             if not part.in_question:
                 products[1].append(np.zeros((size, len(indices))))
                 continue
             plain = values[part.past :] * good[:, None]
-            products[1].append(np.concatenate([each[part.own].T @ plain for each in everything]))
+            products[1].append(np.concatenate([(plain.T @ each[part.own]).T for each in everything]))
         blocks = Blocks(
             self.blocks.white.replaced(indices, products[0]), self.blocks.plain.replaced(indices, products[1]),
             self.blocks.rows,
