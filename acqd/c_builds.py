@@ -17,7 +17,7 @@ _PACKAGE = Path(__file__).parent
 _SHARED = ("-fPIC", "-shared")
 _COMMON = ("-std=gnu11", *_SHARED, "-ffp-contract=fast", "-fno-math-errno", "-fno-trapping-math")
 # equal to the prediction of the bundle on every platform and processor: no contraction, no relaxed mathematics
-FMU_FLAGS = ("-std=c99", "-O3", *_SHARED, "-fvisibility=hidden", "-ffp-contract=off", "-g0")
+FMU_FLAGS = ("-std=c99", "-O2", *_SHARED, "-fvisibility=hidden", "-ffp-contract=off", "-g0")
 WINDOW_FALLBACK = "metering with numpy takes more than twenty times as long"
 QUALITY_FALLBACK = "power quality and events with numpy take several times as long"
 TICKS_FALLBACK = "MAIN_FAST waits in Python, which costs more of the processor"

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import gc
 import logging
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NoReturn, TextIO
+
+from typer import Typer
 
 from acqd.cli.commands import command_tree
 from acqd.errors import OperationError, UserError
@@ -45,7 +48,19 @@ def _end_quietly() -> NoReturn:
 
 def main() -> None:
     """Run the command line."""
-    for_people(lambda: command_tree(sys.argv[1:])())
+    for_people(lambda: _imported(sys.argv[1:])())
+
+
+def _imported(arguments: Sequence[str]) -> Typer:
+    """The tree of commands, imported without the garbage collector.
+
+    Modules stay: to look for garbage in them takes a tenth of the time that a command needs to start.
+    """
+    gc.disable()
+    try:
+        return command_tree(arguments)
+    finally:
+        gc.enable()
 
 
 def for_people(work: Callable[[], object]) -> None:

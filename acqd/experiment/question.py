@@ -18,6 +18,7 @@ from acqd.discrepancy.regression.design_columns import Candidate
 from acqd.discrepancy.regression.design_matrix import Design
 from acqd.discrepancy.regression.gram import Column, Moments, Regression
 from acqd.discrepancy.regression.setup import Comparison, Setup, set_up
+from acqd.discrepancy.regression.white_rows import white_products
 from acqd.discrepancy.search import begins_of, unexplained
 from acqd.discrepancy.selection.judging import best_of_each, kinds_of
 from acqd.discrepancy.selection.ranking import Finding, Rows, bounds_of, part_of, prior_of, ranked
@@ -148,7 +149,8 @@ def _with_design(whole: Setup, so_far: Design) -> Setup:
     parts = tuple(replace(part, noise=own) for part, own in zip(whole.design.parts, noise, strict=True))
     trusted = (*so_far.trusted, *whole.design.trusted[len(known) :])
     columns = replace(whole.design.columns, parts=parts)
-    design = Design.of(columns, so_far.whitener, so_far.slow_whitener, trusted)
+    products = [white_products(columns, so_far.whitener, part) for part in columns.parts]
+    design = Design.of(columns, so_far.whitener, so_far.slow_whitener, trusted, products)
     if whole.design.added[0].shape[1]:  # a load that switches on both sides
         design, _ = design.with_columns([added.astype(np.float64) for added in whole.design.added])
     return replace(whole, design=design, regression=Regression(design.blocks, whole.regression.columns))

@@ -18,6 +18,8 @@ from acqd.residual.thresholds import NOISE
 
 _DIFFUSE = 1e3
 """Variance of an unknown level relative to that of the noise."""
+_AT_ONCE = 32
+"""Rows that are filtered by one product with a band of taps: few zeros in the band, and long rows for BLAS."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,13 +68,14 @@ class Whitener:
 
     def apply(self, values: NDArray[Any]) -> Floats:
         """White rows [T - order, ...]; the first `order` rows are only the past of the others."""
-        order = len(self.taps) - 1
-        rows = max(len(values) - order, 0)
-        white = np.zeros((rows, *values.shape[1:]))
-        product = np.empty_like(white)
-        for back, tap in enumerate(self.taps.tolist()):  # a few taps and many columns: faster than a filter per column
-            white += np.multiply(values[order - back : order - back + rows], tap, out=product)
-        return white
+        order, columns = len(self.taps) - 1, _columns(values)
+        rows, band = max(len(values) - order, 0), self._band()
+        white = np.empty((rows, columns.shape[1]))
+        for first in range(0, rows, _AT_ONCE):
+            here = min(_AT_ONCE, rows - first)
+            inside = columns[first : first + here + order]
+            np.matmul(band[:here, : here + order], inside, out=white[first : first + here])
+        return white.reshape(rows, *values.shape[1:])
 
     def from_start(self, values: NDArray[Any]) -> Floats:
         """White rows [T, ...] of a segment without a past: it starts with a draw of the stationary process."""
@@ -87,17 +90,27 @@ class Whitener:
         (F a)' M (F b) = a' (F' M F b): white rows of a hundred columns need not be stored. `past`: white rows are
         those of `apply`, else those of `from_start`.
         """
-        order = len(self.taps) - 1
-        first = 0 if past else order
-        rows = max(len(white) - first, 0)
-        result = np.zeros((order + rows if past else max(len(white), 0), *white.shape[1:]))
-        for back, tap in enumerate(self.taps.tolist()):
-            result[order - back : order - back + rows] += tap * white[first:]
+        order, columns = len(self.taps) - 1, _columns(white)
+        begin = 0 if past else min(order, len(white))
+        rows, band = len(white) - begin, self._band()
+        result = np.zeros((order + rows if past else len(white), columns.shape[1]))
+        for first in range(0, rows, _AT_ONCE):
+            here = min(_AT_ONCE, rows - first)
+            filtered = columns[begin + first : begin + first + here]
+            result[first : first + here + order] += band[:here, : here + order].T @ filtered
         if not past:
-            begin = white[:order]
-            first_rows = self.start[: len(begin), : len(begin)].T @ begin.reshape(len(begin), -1)
-            result[: len(begin)] += first_rows.reshape(begin.shape)
-        return result
+            result[:begin] += self.start[:begin, :begin].T @ columns[:begin]
+        return result.reshape(len(result), *white.shape[1:])
+
+    def _band(self) -> Floats:
+        """[n, n + order]: the rows of a product with it are white."""
+        below = np.zeros(_AT_ONCE - 1)
+        return np.asarray(toeplitz([self.taps[-1], *below], [*self.taps[::-1], *below]))
+
+
+def _columns(values: NDArray[Any]) -> Floats:
+    """[T, k] of values [T, ...]."""
+    return np.asarray(values, dtype=np.float64).reshape(len(values), int(np.prod(values.shape[1:])))
 
 
 def _start(covariance: Floats, level: float) -> Floats:

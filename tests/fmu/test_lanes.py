@@ -23,7 +23,7 @@ void sines(double *x, double *c)
     lanes_to(cosine, c);
 }
 """
-FLAGS = ("-std=c99", "-O3", "-fPIC", "-shared", "-ffp-contract=off")
+FLAGS = ("-std=c99", "-O2", "-fPIC", "-shared", "-ffp-contract=off")
 
 
 @pytest.fixture(scope="module", params=[(), ("-DACQD_ONE_LANE",)], ids=["vectors", "one lane"])

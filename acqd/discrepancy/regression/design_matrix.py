@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -40,11 +41,17 @@ class Design:
         whitener: Whitener,
         slow_whitener: Whitener,
         trusted: tuple[NDArray[np.bool_], ...],
+        products: Sequence[Floats],
     ) -> Design:
-        """Whitened by one noise model."""
-        unknown = Gram(columns.values[0].shape[1], (), np.empty((0, 1, 0)))
+        """Whitened by one noise model; `products`: `white_products` of every block, all of whose rows are trusted."""
+        y = columns.values[0].shape[1]
+        white = tuple(each / part.noise**2 for each, part in zip(products, columns.parts, strict=True))
+        plain = tuple(_plain_products(columns, part, np.s_[:]) for part in columns.parts)
+        empty = np.empty((len(products), y + 1, 0))
+        everywhere = tuple(np.ones(len(good), dtype=bool) for good in trusted)
         design = cls(
-            columns, whitener, slow_whitener, trusted, Blocks(unknown, unknown, np.empty(0)),
+            columns, whitener, slow_whitener, everywhere,
+            Blocks(Gram(y, white, empty), Gram(y, plain, empty), np.array([float(len(good)) for good in trusted])),
             tuple(np.empty((len(residual), 0), dtype=np.float32) for residual in columns.residual),
         )  # fmt: skip
         return design.with_trusted(trusted)
@@ -80,13 +87,11 @@ class Design:
         """With other trusted rows; Gram matrices of blocks where other rows are trusted are computed again."""
         white, plain = (list(gram.fixed) for gram in (self.blocks.white, self.blocks.plain))
         for number, (part, good) in enumerate(zip(self.parts, trusted, strict=True)):
-            if len(white) > number and np.array_equal(good, self.trusted[number]):
+            if np.array_equal(good, self.trusted[number]):
                 continue
-            rows = block_rows(self.columns, part)
-            known = white_rows(self.whitener, part, rows)[good]
-            white[number : number + 1] = [upper_triangle(known.T @ known)]
-            known = rows[part.past :][good].astype(np.float64)
-            plain[number : number + 1] = [upper_triangle(known.T @ known) if part.in_question else np.empty(0)]
+            known = white_rows(self.whitener, part, block_rows(self.columns, part))[good]
+            white[number] = upper_triangle(known.T @ known)
+            plain[number] = _plain_products(self.columns, part, good)
         counts = np.array([int(good.sum()) for good in trusted], dtype=float)
         y = self.blocks.white.y
         empty = np.empty((len(trusted), y + 1, 0))
@@ -116,16 +121,32 @@ class Design:
                 for grams in products:
                     grams.append(np.zeros((size, len(indices))))
                 continue
-            everything = np.concatenate([block_rows(self.columns, part), added[part.segment][part.rows]], axis=1)
+            everything = (
+                self.columns.values[part.segment],
+                self.columns.residual[part.segment][:, None],
+                added[part.segment],
+            )
             white = white_rows(self.whitener, part, values) * good[:, None]
-            products[0].append(everything.T @ self.whitener.back(white / part.noise, past=part.past > 0))
-            plain = values[part.past :] * (good[:, None] & part.in_question)
-            products[1].append(everything[part.past :].T @ plain)
+            white = self.whitener.back(white / part.noise, past=part.past > 0)
+            products[0].append(np.concatenate([(white.T @ each[part.rows]).T for each in everything]))
+            if not part.in_question:
+                products[1].append(np.zeros((size, len(indices))))
+                continue
+            plain = values[part.past :] * good[:, None]
+            products[1].append(np.concatenate([(plain.T @ each[part.own]).T for each in everything]))
         blocks = Blocks(
             self.blocks.white.replaced(indices, products[0]), self.blocks.plain.replaced(indices, products[1]),
             self.blocks.rows,
         )  # fmt: skip
         return replace(self, added=added, blocks=blocks)
+
+
+def _plain_products(columns: DesignColumns, part: Part, good: slice | NDArray[np.bool_]) -> Floats:
+    """Upper triangle of the products [p + 1, p + 1] of good rows; empty for a block that is not in question."""
+    if not part.in_question:
+        return np.empty(0)
+    rows = block_rows(columns, part)[part.past :][good].astype(np.float64)
+    return upper_triangle(rows.T @ rows)
 
 
 def _grown(old: NDArray[np.float32], width: int, at: Indices, values: NDArray[Any]) -> NDArray[np.float32]:

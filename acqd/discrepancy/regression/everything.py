@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -9,9 +10,9 @@ from numpy.typing import NDArray
 
 from acqd.arrays import Floats
 from acqd.discrepancy.regression.design_columns import DesignColumns
-from acqd.discrepancy.regression.gram import Column
+from acqd.discrepancy.regression.gram import Column, symmetric
 from acqd.discrepancy.regression.torque_alternatives import torque_groups
-from acqd.discrepancy.regression.white_rows import block_rows, white_rows
+from acqd.discrepancy.regression.white_rows import white_products, white_rows
 from acqd.numerics import mad_sigma, solve_scaled_ridge
 from acqd.residual.known_rows import known_rows
 from acqd.residual.thresholds import NOISE
@@ -24,31 +25,38 @@ def left_by_everything(
     columns: DesignColumns, whitener: Whitener, base: list[Column], weights: Floats
 ) -> dict[int, Floats]:
     """[T] W of known rows by segment with weighted blocks: residuals of a fit of all columns to those blocks."""
-    beta = _fit(columns, whitener, base, weights)
-    open_ = sorted({part.segment for part, weight in zip(columns.parts, weights, strict=True) if weight})
+    parts = [part for part, weight in zip(columns.parts, weights, strict=True) if weight]
+    beta = _fit(columns, base, (white_products(columns, whitener, part) / part.noise**2 for part in parts))
+    open_ = sorted({part.segment for part in parts})
     known = {k: known_rows(columns.segments[k]) for k in open_}
     return {k: columns.residual[k][known[k]] - columns.values[k][known[k]] @ beta for k in open_}
 
 
-def inliers(columns: DesignColumns, whitener: Whitener, base: list[Column]) -> tuple[NDArray[np.bool_], ...]:
-    """[rows] per block: False for outliers even of a fit of everything.
+def inliers(
+    columns: DesignColumns, whitener: Whitener, base: list[Column], products: Sequence[Floats]
+) -> tuple[NDArray[np.bool_], ...]:
+    """[rows] per block: False for outliers even of a fit of everything. `products`: of every block.
 
     A protective stop or a collision says nothing about an effect, and a few such rows outweigh hours. Both sides are
     fitted apart: an effect that only one side has makes no outliers.
     """
-    left = _white_left(columns, whitener, base)
+    left = _white_left(columns, whitener, base, products)
     spread = mad_sigma(np.concatenate(left), 0.0) + 1e-9
     return tuple(np.abs(rows) < NOISE.outlier * spread for rows in left)
 
 
-def with_noise(columns: DesignColumns, whitener: Whitener, base: list[Column]) -> DesignColumns:
+def with_noise(
+    columns: DesignColumns, whitener: Whitener, base: list[Column], products: Sequence[Floats]
+) -> DesignColumns:
     """With the noise of each recording: fast motion may have ten times the noise of slow motion.
+
+    `products`: `white_products` of every block.
 
     One noise for all would let a few loud recordings decide, and the quiet ones would say nothing. The noise is
     relative to the median of the side's recordings: what an unknown cause adds to all of a side is no noise.
     """
     rows: dict[tuple[bool, str], list[Floats]] = {}
-    for part, white in zip(columns.parts, _white_left(columns, whitener, base), strict=True):
+    for part, white in zip(columns.parts, _white_left(columns, whitener, base, products), strict=True):
         rows.setdefault((part.in_question, part.recording), []).append(white)
     spread = {key: mad_sigma(np.concatenate(each), 0.0) + 1e-9 for key, each in rows.items()}
     usual = {side: float(np.median([s for key, s in spread.items() if key[0] == side])) for side, _ in spread}
@@ -56,32 +64,34 @@ def with_noise(columns: DesignColumns, whitener: Whitener, base: list[Column]) -
     return replace(columns, parts=tuple(replace(p, noise=n) for p, n in zip(columns.parts, noise, strict=True)))
 
 
-def _white_left(columns: DesignColumns, whitener: Whitener, base: list[Column]) -> list[Floats]:
+def _white_left(
+    columns: DesignColumns, whitener: Whitener, base: list[Column], products: Sequence[Floats]
+) -> list[Floats]:
     """[rows] per block, white: what a fit of everything leaves, of both sides apart."""
     question = columns.in_question
     left: list[Floats] = [np.empty(0)] * len(columns.parts)
     for side in (question, 1 - question):
-        if not side.any():
+        blocks = np.flatnonzero(side).tolist()
+        if not blocks:
             continue
-        beta = _fit(columns, whitener, base, side)
-        for number in np.flatnonzero(side).tolist():
+        beta = _fit(columns, base, (products[number] / columns.parts[number].noise ** 2 for number in blocks))
+        for number in blocks:
             part = columns.parts[number]
             measured = columns.residual[part.segment][part.rows]
             left[number] = white_rows(whitener, part, measured - columns.values[part.segment][part.rows] @ beta)
     return left
 
 
-def _fit(columns: DesignColumns, whitener: Whitener, base: list[Column], weights: Floats) -> Floats:
-    """[p] coefficients of all columns but the unnamed torque laws (0), on blocks whose weight is not 0."""
+def _fit(columns: DesignColumns, base: list[Column], products: Iterable[Floats]) -> Floats:
+    """[p] coefficients of all columns but the unnamed torque laws (0), on blocks with these products of white rows."""
     p = columns.values[0].shape[1]
     # torque laws are many and similar to effects: in few recordings they would explain the noise too
     last = p - sum(len(group.columns) for group in torque_groups(columns.model.axes))
-    A, b = np.zeros((last, last)), np.zeros(last)
-    for number in np.flatnonzero(weights).tolist():
-        part = columns.parts[number]
-        white = white_rows(whitener, part, block_rows(columns, part))
-        A += white[:, :last].T @ white[:, :last]
-        b += white[:, :last].T @ white[:, p]
+    triangle = np.zeros((p + 1) * (p + 2) // 2)
+    for each in products:
+        triangle += each
+    total = symmetric(triangle, p + 1)
+    A, b = total[:last, :last], total[:last, p]
     A[np.diag_indices(len(base))] += np.array([column.deviation for column in base]) ** -2.0
     beta = np.zeros(p)
     beta[:last] = solve_scaled_ridge(A, b, _RIDGE)

@@ -95,7 +95,20 @@ class Gram:
 
 def upper_triangle(matrix: Floats) -> Floats:
     """[n (n + 1) / 2] of a symmetric matrix [n, n], row by row."""
-    return np.asarray(matrix[np.triu_indices(len(matrix))])
+    return np.take(matrix, _triangle(len(matrix)))
+
+
+def symmetric(triangle: Floats, size: int) -> Floats:
+    """[size, size] of its `upper_triangle`."""
+    matrix = np.zeros((size, size))
+    matrix.flat[_triangle(size)] = triangle
+    return matrix + np.triu(matrix, 1).T
+
+
+@lru_cache(maxsize=4)
+def _triangle(size: int) -> Indices:
+    """[size (size + 1) / 2] indices into the elements of a matrix, row by row: those on or above the diagonal."""
+    return np.flatnonzero(np.triu(np.ones((size, size), dtype=bool)))
 
 
 def _in_triangle(rows: Indices, columns: Indices, size: int) -> Indices:

@@ -15,6 +15,7 @@ from acqd.discrepancy.regression.design_matrix import Design
 from acqd.discrepancy.regression.everything import inliers, left_by_everything, with_noise
 from acqd.discrepancy.regression.gram import Column, Indices, Regression
 from acqd.discrepancy.regression.onset import Gate, onset_gates
+from acqd.discrepancy.regression.white_rows import white_products
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.models.effects import library
 from acqd.models.greybox.model import GreyBox
@@ -80,8 +81,9 @@ def set_up(comparison: Comparison, progress: Callable[[float], None]) -> Setup:
     left = list(left_by_everything(columns, Whitener.of(list(columns.residual)), base, noise_weights).values())
     whitener = Whitener.of(left)
     slow = Whitener.of(left, 3 * NOISE.noise_order)
-    columns = with_noise(columns, whitener, base)
-    design = Design.of(columns, whitener, slow, inliers(columns, whitener, base))
+    products = [white_products(columns, whitener, part) for part in columns.parts]
+    columns = with_noise(columns, whitener, base, products)
+    design = Design.of(columns, whitener, slow, inliers(columns, whitener, base, products), products)
     design = replace(design, witness=Witness.of(comparison.model, arm, segments, columns.scenes))
     common = _common(design) if comparison.reference else []
     free = [*base, *(Column(k, everywhere) for k in common), *block_intercepts(columns, noise_weights)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 
 from acqd.arrays import Floats
 from acqd.discrepancy.regression.design_columns import DesignColumns, Part
+from acqd.discrepancy.regression.gram import upper_triangle
 from acqd.residual.whitening import Whitener
 
 
@@ -21,3 +23,9 @@ def block_rows(columns: DesignColumns, part: Part) -> NDArray[np.float32]:
 def white_rows(whitener: Whitener, part: Part, values: NDArray[Any]) -> Floats:
     """White rows of a block from its rows and its past."""
     return (whitener.apply(values) if part.past else whitener.from_start(values)) / part.noise
+
+
+def white_products(columns: DesignColumns, whitener: Whitener, part: Part) -> Floats:
+    """Upper triangle of the products [p + 1, p + 1] of a block's white rows, before they are divided by its noise."""
+    white = white_rows(whitener, replace(part, noise=1.0), block_rows(columns, part))
+    return upper_triangle(white.T @ white)

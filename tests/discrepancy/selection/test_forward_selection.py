@@ -20,6 +20,8 @@ from tests.discrepancy.independent import (
 )
 
 QUICK = {"copper_loss", "line_voltage"}
+MORE = {"process_load": 7, "mechanical_power": 7, "stribeck_friction": 6}
+"""Recordings of effects that fewer do not show for certain."""
 SIZES = {
     "coulomb_friction": (4.0, {"rel": 0.1}), "payload": (2.0, {"rel": 0.1}), "gear_ripple": (17.3, {"abs": 0.1}),
     "thermostat": (47.0, {"rel": 0.1}),
@@ -29,8 +31,8 @@ SIZES = {
 
 @pytest.mark.parametrize("name", sorted(INDEPENDENT))
 def test_an_effect_that_was_made_otherwise_is_named_first(name, model, robot):
-    amount = {"count": 14, "rows": 700} if name == "thermostat" else {"count": 6, "rows": 450}
-    amount |= {"count": 10} if name in ("process_load", "mechanical_power") else {}
+    amount = {"count": 14, "rows": 700} if name == "thermostat" else {"count": 4, "rows": 450}
+    amount |= {"count": MORE[name]} if name in MORE else {}
     only = COMMON | {name, *library()[name].neighbours}
     _, selection = traced(model, robot, INDEPENDENT[name], **({} if name in QUICK else amount), only=only)
     assert [named.id for named in selection.effects][:1] == [name], (
@@ -43,12 +45,11 @@ def test_an_effect_that_was_made_otherwise_is_named_first(name, model, robot):
         assert shape.get("period_s", shape.get("periods_per_turn", size)) == pytest.approx(value, **tolerance)
 
 
-@pytest.mark.parametrize("standby_W", [-12.0, -25.0])
-def test_a_lower_standby_power_does_not_hide_a_friction(standby_W, model, robot):
+def test_a_lower_standby_power_does_not_hide_a_friction(model, robot):
     """Until the standby has a name, added friction makes the error in W larger; about the mean of a block it falls."""
 
     def both(scene, random):
-        return INDEPENDENT["viscous_friction"](scene, random) + standby_W
+        return INDEPENDENT["viscous_friction"](scene, random) - 25.0
 
     only = COMMON | {"viscous_friction", "thermal_friction"}
     _, selection = traced(model, robot, both, only=only)
@@ -141,13 +142,12 @@ def surge(scene, random):
     )
 
 
-@pytest.mark.parametrize("beside", [None, "payload"])
-def test_what_a_peak_leaves_over_hides_nothing_and_names_nothing(beside, model, robot):
+def test_what_a_peak_leaves_over_hides_nothing_and_names_nothing(model, robot):
     def both(scene, random):
-        return surge(scene, random) + (0 if beside is None else 0.15 * added_payload(scene, random))
+        return surge(scene, random) + 0.15 * added_payload(scene, random)
 
     _, selection = traced(model, robot, both, only=COMMON | {"brake_release", "gravity_bias"})
-    assert [named.id for named in selection.effects] == ["brake_release", *([beside] if beside else [])]
+    assert [named.id for named in selection.effects] == ["brake_release", "payload"]
 
 
 def test_an_onset_within_the_dataset_is_found(model, robot):
