@@ -8,7 +8,6 @@ that is not the text of `filetime` has a row in `power_stamp`. The view `power` 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from itertools import chain
 from typing import Any, TypeAlias
 
 import orjson
@@ -21,40 +20,41 @@ from acqd.timestamps import filetime, rfc3339, utc_ns
 _CODES: dict[str, int] = {name: code for code, name in enumerate(CHANNELS)}
 _AT_ONCE = 500
 _PLACES = f"({', '.join('?' * 10)})"
-_TOGETHER = 90
+_COLUMNS, _TOGETHER = 10, 90
 """Rows of one statement: 900 parameters, and every SQLite takes 999."""
 _FIRST, _LAST = filetime(0), filetime(253_402_300_800 * 10**9)
 """1970 to 9999: where SQLite and Python make the same text."""
 
 
-_Numbered: TypeAlias = tuple[int, int, int, float | None, float | None, float | None, float | None, float | None,
-    float | None, float | None]  # fmt: skip
-"""A row of `power_row`: id, mark, filetime, Vrms, Irms, P, S, PF, f, W."""
+_Values: TypeAlias = list[int | float | None]
+"""Of rows of `power_row`, one after another: id, mark, filetime, Vrms, Irms, P, S, PF, f, W."""
 
 
 def insert(connection: sa.Connection, rows: Sequence[PowerRow]) -> list[int]:
     """Insert what is new; positions in `rows` of those whose key is stored with other values. SQLite only."""
-    numbered, odd = _Numbers(connection).of(rows)
+    values, odd = _Numbers(connection).of(rows)
+    ids = values[::_COLUMNS]
     if odd:
-        first: dict[int, str | None] = {}
-        for k, one in enumerate(numbered):
-            first.setdefault(one[0], odd.get(k))
+        first: dict[Any, str | None] = {}
+        for k, number in enumerate(ids):
+            first.setdefault(number, odd.get(k))
         known = {number for number, *_ in _stored(connection, first)}
         stamps = [(number, time) for number, time in first.items() if time is not None and number not in known]
         if stamps:
             connection.exec_driver_sql("INSERT INTO power_stamp VALUES (?, ?)", stamps)
     try:
-        _insert_new(connection, numbered)
+        _insert_new(connection, values)
         return []
     except sa.exc.IntegrityError:  # a key is there already; rows before it are inserted, and equal to themselves
-        connection.exec_driver_sql(f"INSERT INTO power_row VALUES {_PLACES} ON CONFLICT DO NOTHING", numbered)
-    stored = {number: rest for number, *rest in _stored(connection, {one[0] for one in numbered})}
-    return [k for k, one in enumerate(numbered) if stored[one[0]] != [*one[1:], odd.get(k)]]
+        each = _cut(values, _COLUMNS)
+        connection.exec_driver_sql(f"INSERT INTO power_row VALUES {_PLACES} ON CONFLICT DO NOTHING", each)
+    stored = {number: rest for number, *rest in _stored(connection, set(ids))}
+    return [k for k, one in enumerate(each) if stored[one[0]] != [*one[1:], odd.get(k)]]
 
 
 def stored_row(connection: sa.Connection, row: PowerRow) -> dict[str, Any]:
     """The stored row with the key of `row`, as the view has it."""
-    number = _Numbers(connection).of([row])[0][0][0]
+    number = _Numbers(connection).of([row])[0][0]
     return dict(connection.exec_driver_sql(f"{SELECT} WHERE v.id = ?", (number,)).mappings().one())
 
 
@@ -88,19 +88,20 @@ def last_of_run(connection: sa.Connection, run: int, channel: str) -> tuple[int,
     return None if row is None else (int(row[0]) >> 2 & 0xFFFFFFFF, float(row[1]))
 
 
-def _insert_new(connection: sa.Connection, numbered: Sequence[_Numbered]) -> None:
+def _insert_new(connection: sa.Connection, values: _Values) -> None:
     """Many rows a statement: in each, SQLite looks for the end of table and index once, and Python locks once.
 
     FAIL keeps the rows before the one that is there already; ABORT would first copy every page that it changes.
     """
-    whole = len(numbered) - len(numbered) % _TOGETHER
-    for rows, together in ((numbered[:whole], _TOGETHER), (numbered[whole:], 1)):
-        if rows:
+    whole = len(values) - len(values) % (_COLUMNS * _TOGETHER)
+    for some, together in ((values[:whole], _TOGETHER), (values[whole:], 1)):
+        if some:
             statement = f"INSERT OR FAIL INTO power_row VALUES {', '.join([_PLACES] * together)}"
-            parts = range(0, len(rows), together)
-            connection.exec_driver_sql(
-                statement, [tuple(chain.from_iterable(rows[begin : begin + together])) for begin in parts]
-            )
+            connection.exec_driver_sql(statement, _cut(some, _COLUMNS * together))
+
+
+def _cut(values: _Values, length: int) -> list[tuple[Any, ...]]:
+    return [tuple(values[begin : begin + length]) for begin in range(0, len(values), length)]
 
 
 class _Numbers:
@@ -111,9 +112,9 @@ class _Numbers:
         self._runs: dict[tuple[str, str, str, int], int] = {}
         self._marks: dict[tuple[int | bool | str, ...], int] = {}
 
-    def of(self, rows: Sequence[PowerRow]) -> tuple[list[_Numbered], dict[int, str]]:
-        """The rows with numbers; by position, the times that do not follow from `filetime`."""
-        numbered: list[_Numbered] = []
+    def of(self, rows: Sequence[PowerRow]) -> tuple[_Values, dict[int, str]]:
+        """What is stored of the rows; by position, the times that do not follow from `filetime`."""
+        values: _Values = []
         odd: dict[int, str] = {}
         codes, marks, run, ticks, text = _CODES, self._marks, 0, -1, ""
         device = boot = ""
@@ -138,11 +139,11 @@ class _Numbers:
             S_follows = Vrms is not None and Irms is not None and Vrms * Irms == S
             PF_follows = PF is not None and P is not None and S is not None and S != 0 and P / S == PF
             mark = (row.schema, S_follows, PF_follows, *flags) if flags else (row.schema, S_follows, PF_follows)
-            numbered.append((
+            values += (
                 first | (seq & 0xFFFFFFFF) << 2, marks.get(mark) or self._mark(*mark),
                 ticks, Vrms, Irms, P, None if S_follows else S, None if PF_follows else PF, row.f, row.W,
-            ))  # fmt: skip
-        return numbered, odd
+            )  # fmt: skip
+        return values, odd
 
     def _run(self, device: str, boot: str, channel: str, block: int) -> int:
         """The id of the run whose first window is `block` << 32; `channel`: of one that has no code, else empty."""
