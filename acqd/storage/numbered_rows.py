@@ -110,7 +110,7 @@ class _Numbers:
     def __init__(self, connection: sa.Connection) -> None:
         self._connection = connection
         self._runs: dict[tuple[str, str, str, int], int] = {}
-        self._marks: dict[tuple[int | bool | str, ...], int] = {}
+        self._marks: dict[tuple[Any, ...], int] = {}
 
     def of(self, rows: Sequence[PowerRow]) -> tuple[_Values, dict[int, str]]:
         """What is stored of the rows; by position, the times that do not follow from `filetime`."""
@@ -138,7 +138,9 @@ class _Numbers:
                 first = run | codes[channel]
             S_follows = Vrms is not None and Irms is not None and Vrms * Irms == S
             PF_follows = PF is not None and P is not None and S is not None and S != 0 and P / S == PF
-            mark = (row.schema, S_follows, PF_follows, *flags) if flags else (row.schema, S_follows, PF_follows)
+            mark: tuple[Any, ...] = row.schema, S_follows, PF_follows
+            if flags:
+                mark += (*flags,)
             values += (
                 first | (seq & 0xFFFFFFFF) << 2, marks.get(mark) or self._mark(*mark),
                 ticks, Vrms, Irms, P, None if S_follows else S, None if PF_follows else PF, row.f, row.W,

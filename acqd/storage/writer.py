@@ -192,9 +192,10 @@ class Writer:
 
 def _insert(connection: sa.Connection, kind: type[Row], of: list[Any]) -> list[int]:
     """Insert what is new of the rows of a kind; positions of those whose key is stored with other values."""
-    if kind is PowerRow:
-        return rows.insert(connection, of)
-    return keyed_rows.insert(connection, keyed_rows.TABLES[kind], of)
+    for keyed, table in keyed_rows.TABLES.items():
+        if kind is keyed:
+            return keyed_rows.insert(connection, table, of)
+    return rows.insert(connection, of)
 
 
 def _size(message: Message) -> int:
