@@ -26,7 +26,7 @@ _FIRST, _LAST = filetime(0), filetime(253_402_300_800 * 10**9)
 """1970 to 9999: where SQLite and Python make the same text."""
 
 
-_Values: TypeAlias = list[int | float | None]
+_Values: TypeAlias = list[Any]
 """Of rows of `power_row`, one after another: id, mark, filetime, Vrms, Irms, P, S, PF, f, W."""
 
 
@@ -35,7 +35,7 @@ def insert(connection: sa.Connection, rows: Sequence[PowerRow]) -> list[int]:
     values, odd = _Numbers(connection).of(rows)
     ids = values[::_COLUMNS]
     if odd:
-        first: dict[Any, str | None] = {}
+        first: dict[int, str | None] = {}
         for k, number in enumerate(ids):
             first.setdefault(number, odd.get(k))
         known = {number for number, *_ in _stored(connection, first)}

@@ -95,7 +95,7 @@ def parse_each(payloads: Sequence[bytes]) -> list[PowerRow | ValueError]:
         except (msgspec.DecodeError, ValueError, RecursionError) as error:
             found.append(ValueError(str(error)[:_REASON]))  # it quotes the payload
     times = {row.time for row in found if isinstance(row, PowerRow)}  # the channels of a window have the same
-    wrong = {time: error for time in times if (error := _wrong_zone(time)) is not None}
+    wrong = {time: reason for time in times if (reason := _wrong_zone(time)) is not None}
     return [wrong.get(row.time, row) if isinstance(row, PowerRow) else row for row in found] if wrong else found
 
 
@@ -107,8 +107,8 @@ def decoded(decoder: msgspec.json.Decoder[_Row], payload: bytes) -> _Row:
         row = decoder.decode(payload)
     except (msgspec.DecodeError, ValueError, RecursionError) as error:
         raise ValueError(str(error)[:_REASON]) from None  # it quotes the payload
-    if error := _wrong_zone(row.time):
-        raise error
+    if (wrong := _wrong_zone(row.time)) is not None:
+        raise wrong
     return row
 
 
