@@ -19,7 +19,7 @@ class RetryPolicy:
 
     first_s: float = 0.2
     """Pause after the first failure [s]."""
-    longest_s: float = 2.0
+    longest_s: float = 1.0
     """The pause doubles up to this [s]."""
     jitter: float = 0.25
     """A pause is shorter than nominal by up to this share."""
@@ -28,7 +28,7 @@ class RetryPolicy:
 
 
 LOCAL_NETWORK = RetryPolicy()
-"""For everything within the plant: a server that is back is used within two seconds."""
+"""For everything within the plant: a server that is back is used within a second."""
 SHARED_LINE = RetryPolicy(first_s=1.0, longest_s=30.0)
 """For one of several devices on a line: each attempt costs the other devices the time-out of an answer."""
 

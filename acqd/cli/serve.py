@@ -17,7 +17,6 @@ from acqd.daemon.config import Config
 from acqd.daemon.service import Service
 from acqd.daemon.tape import Tape
 from acqd.errors import UserError
-from acqd.report.digits import quantity
 from acqd.telemetry.ports import check_port, free_port
 
 _DEFAULT_PORT = 1883
@@ -69,6 +68,8 @@ def announce(settings: Config, what: str, *, json: bool) -> None:
 
 
 def _line(summary: dict[str, Any]) -> str:
+    from acqd.report.digits import quantity  # the room of reports takes its time, and services print no lines
+
     shown = [f"{name} {quantity(summary[name], unit)}" for name, unit in _UNITS.items()]
     text = "  ".join([*shown, f"W {energy(summary['W'])}"])
     return f"{summary['time']} {summary['device']} {summary['channel']:5} {text}  {' '.join(summary['flags'])}"

@@ -17,7 +17,7 @@ import sqlalchemy as sa
 
 from acqd.retry import Backoff
 from acqd.storage.database import DatabaseAwayError, first_line, prepare
-from acqd.storage.received import Received
+from acqd.storage.received import Message
 from acqd.storage.writer import Writer, Written
 
 _log = logging.getLogger(__name__)
@@ -30,7 +30,7 @@ _AHEAD = 2
 class Batch:
     """Messages, and what the connection needs to acknowledge them."""
 
-    messages: Sequence[Received]
+    messages: Sequence[Message]
     numbers: list[int]
     connection: int
     begun: float

@@ -14,9 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import sqlalchemy as sa
-from alembic import command
-from alembic.config import Config
-from alembic.util import CommandError
 
 from acqd.atomic import private
 from acqd.errors import UserError
@@ -119,6 +116,13 @@ def transaction(engine: sa.Engine) -> Iterator[sa.Connection]:
 
 def migrate(engine: sa.Engine) -> None:
     """Bring the schema to the newest version; safe while several sinks start at once."""
+    if _up_to_date(engine):
+        return
+    # A third of the start of a sink would be the import of this, and mostly there is nothing to do.
+    from alembic import command
+    from alembic.config import Config
+    from alembic.util import CommandError
+
     config = Config()
     config.set_main_option("script_location", str(MIGRATIONS).replace("%", "%%"))
     with engine.begin() as connection:
@@ -131,6 +135,20 @@ def migrate(engine: sa.Engine) -> None:
             command.upgrade(config, "head")
         except CommandError as error:
             raise UserError(f"database {shown(engine.url)}: {error}; it was written by a newer acqd") from None
+
+
+def newest_version() -> str:
+    """Of the schema: the number of the last migration."""
+    return max((path.name[1:5] for path in (MIGRATIONS / "versions").glob("m[0-9]*.py")), default="")
+
+
+def _up_to_date(engine: sa.Engine) -> bool:
+    try:
+        with engine.connect() as connection:
+            version = connection.exec_driver_sql("SELECT version_num FROM alembic_version").scalar()
+    except sa.exc.DBAPIError:  # without that table; `migrate` meets what else is wrong
+        return False
+    return version == newest_version()
 
 
 def engine_for(url: str, *, impatient: bool = False) -> sa.Engine:

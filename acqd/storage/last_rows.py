@@ -8,7 +8,7 @@ from typing import NamedTuple
 import sqlalchemy as sa
 
 from acqd.storage import numbered_rows
-from acqd.storage.received import Received
+from acqd.storage.received import Message
 from acqd.storage.schema import power
 from acqd.telemetry import topics
 from acqd.telemetry.ask import parse_ask
@@ -26,7 +26,7 @@ class Asked(NamedTuple):
     boot: str
 
 
-def questions(messages: Iterable[Received]) -> list[Asked]:
+def questions(messages: Iterable[Message]) -> list[Asked]:
     """Those among messages that this sink can answer, each once."""
     asked = []
     for message in messages:

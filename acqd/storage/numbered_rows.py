@@ -19,39 +19,42 @@ from acqd.timestamps import filetime, rfc3339, utc_ns
 
 _CODES: dict[str, int] = {name: code for code, name in enumerate(CHANNELS)}
 _AT_ONCE = 500
-_INSERT = f"INSERT INTO power_row VALUES ({', '.join('?' * 10)})"
+_PLACES = f"({', '.join('?' * 10)})"
+_COLUMNS, _TOGETHER = 10, 90
+"""Rows of one statement: 900 parameters, and every SQLite takes 999."""
 _FIRST, _LAST = filetime(0), filetime(253_402_300_800 * 10**9)
 """1970 to 9999: where SQLite and Python make the same text."""
 
 
-_Numbered: TypeAlias = tuple[int, int, int, float | None, float | None, float | None, float | None, float | None,
-    float | None, float | None]  # fmt: skip
-"""A row of `power_row`: id, mark, filetime, Vrms, Irms, P, S, PF, f, W."""
+_Values: TypeAlias = list[Any]
+"""Of rows of `power_row`, one after another: id, mark, filetime, Vrms, Irms, P, S, PF, f, W."""
 
 
 def insert(connection: sa.Connection, rows: Sequence[PowerRow]) -> list[int]:
     """Insert what is new; positions in `rows` of those whose key is stored with other values. SQLite only."""
-    numbered, odd = _Numbers(connection).of(rows)
+    values, odd = _Numbers(connection).of(rows)
+    ids = values[::_COLUMNS]
     if odd:
         first: dict[int, str | None] = {}
-        for k, one in enumerate(numbered):
-            first.setdefault(one[0], odd.get(k))
+        for k, number in enumerate(ids):
+            first.setdefault(number, odd.get(k))
         known = {number for number, *_ in _stored(connection, first)}
         stamps = [(number, time) for number, time in first.items() if time is not None and number not in known]
         if stamps:
             connection.exec_driver_sql("INSERT INTO power_stamp VALUES (?, ?)", stamps)
     try:
-        connection.exec_driver_sql(_INSERT, numbered)
+        _insert_new(connection, values)
         return []
     except sa.exc.IntegrityError:  # a key is there already; rows before it are inserted, and equal to themselves
-        connection.exec_driver_sql(f"{_INSERT} ON CONFLICT DO NOTHING", numbered)
-    stored = {number: rest for number, *rest in _stored(connection, {one[0] for one in numbered})}
-    return [k for k, one in enumerate(numbered) if stored[one[0]] != [*one[1:], odd.get(k)]]
+        each = _cut(values, _COLUMNS)
+        connection.exec_driver_sql(f"INSERT INTO power_row VALUES {_PLACES} ON CONFLICT DO NOTHING", each)
+    stored = {number: rest for number, *rest in _stored(connection, set(ids))}
+    return [k for k, one in enumerate(each) if stored[one[0]] != [*one[1:], odd.get(k)]]
 
 
 def stored_row(connection: sa.Connection, row: PowerRow) -> dict[str, Any]:
     """The stored row with the key of `row`, as the view has it."""
-    number = _Numbers(connection).of([row])[0][0][0]
+    number = _Numbers(connection).of([row])[0][0]
     return dict(connection.exec_driver_sql(f"{SELECT} WHERE v.id = ?", (number,)).mappings().one())
 
 
@@ -107,19 +110,37 @@ def last_of_run(connection: sa.Connection, run: int, channel: str) -> tuple[int,
     return None if row is None else (int(row[0]) >> 2 & 0xFFFFFFFF, float(row[1]))
 
 
+def _insert_new(connection: sa.Connection, values: _Values) -> None:
+    """Many rows a statement: in each, SQLite looks for the end of table and index once, and Python locks once.
+
+    FAIL keeps the rows before the one that is there already; ABORT would first copy every page that it changes.
+    """
+    whole = len(values) - len(values) % (_COLUMNS * _TOGETHER)
+    for some, together in ((values[:whole], _TOGETHER), (values[whole:], 1)):
+        if some:
+            statement = f"INSERT OR FAIL INTO power_row VALUES {', '.join([_PLACES] * together)}"
+            connection.exec_driver_sql(statement, _cut(some, _COLUMNS * together))
+
+
+def _cut(values: _Values, length: int) -> list[tuple[Any, ...]]:
+    return [tuple(values[begin : begin + length]) for begin in range(0, len(values), length)]
+
+
 class _Numbers:
     """Numbers of runs and marks, for the rows of one transaction; new ones are made."""
 
     def __init__(self, connection: sa.Connection) -> None:
         self._connection = connection
-        self._bases: dict[tuple[str, str, str, int], int] = {}
-        self._marks: dict[tuple[tuple[str, ...], bool, bool, int], int] = {}
+        self._runs: dict[tuple[str, str, str, int], int] = {}
+        self._marks: dict[tuple[Any, ...], int] = {}
 
-    def of(self, rows: Sequence[PowerRow]) -> tuple[list[_Numbered], dict[int, str]]:
-        """The rows with numbers; by position, the times that do not follow from `filetime`."""
-        numbered: list[_Numbered] = []
+    def of(self, rows: Sequence[PowerRow]) -> tuple[_Values, dict[int, str]]:
+        """What is stored of the rows; by position, the times that do not follow from `filetime`."""
+        values: _Values = []
         odd: dict[int, str] = {}
-        bases, marks, ticks, text = self._bases, self._marks, -1, ""
+        codes, marks, run, ticks, text = _CODES, self._marks, 0, -1, ""
+        device = boot = ""
+        block = -1
         for k, row in enumerate(rows):
             if row.filetime != ticks:  # the channels of a window follow one another
                 ticks = row.filetime
@@ -129,37 +150,48 @@ class _Numbers:
             channel, seq, flags, Vrms, Irms, P, S, PF = (
                 row.channel, row.seq, row.flags, row.Vrms, row.Irms, row.P, row.S, row.PF,
             )  # fmt: skip
+            if channel not in codes:
+                first, device = self._run(row.device, row.boot, channel, seq >> 32) << 34, ""
+            elif row.boot != boot or seq >> 32 != block or row.device != device:
+                device, boot, block = row.device, row.boot, seq >> 32
+                run = self._run(device, boot, "", block) << 34
+                first = run | codes[channel]
+            else:
+                first = run | codes[channel]
             S_follows = Vrms is not None and Irms is not None and Vrms * Irms == S
             PF_follows = PF is not None and P is not None and S is not None and S != 0 and P / S == PF
-            key = row.device, channel, row.boot, seq >> 32
-            mark = tuple(flags) if flags else (), S_follows, PF_follows, row.schema
-            numbered.append((
-                (bases.get(key) or self._base(*key)) | (seq & 0xFFFFFFFF) << 2, marks.get(mark) or self._mark(*mark),
+            mark: tuple[Any, ...] = row.schema, S_follows, PF_follows
+            if flags:
+                mark += (*flags,)
+            values += (
+                first | (seq & 0xFFFFFFFF) << 2, marks.get(mark) or self._mark(*mark),
                 ticks, Vrms, Irms, P, None if S_follows else S, None if PF_follows else PF, row.f, row.W,
-            ))  # fmt: skip
-        return numbered, odd
+            )  # fmt: skip
+        return values, odd
 
-    def _base(self, device: str, channel: str, boot: str, block: int) -> int:
-        """The id of a row of this channel whose seq is `block` << 32."""
-        code = _CODES.get(channel)
-        run = device, boot, "" if code is not None else channel, block << 32
-        self._connection.exec_driver_sql(
-            "INSERT OR IGNORE INTO power_run (device, boot, channel, base) VALUES (?, ?, ?, ?)", run
-        )
-        query = "SELECT id FROM power_run WHERE device = ? AND boot = ? AND channel = ? AND base = ?"
-        number = int(self._connection.exec_driver_sql(query, run).scalar_one())
-        self._bases[device, channel, boot, block] = base = number << 34 | (code or 0)
-        return base
+    def _run(self, device: str, boot: str, channel: str, block: int) -> int:
+        """The id of the run whose first window is `block` << 32; `channel`: of one that has no code, else empty."""
+        key = device, boot, channel, block << 32
+        if key not in self._runs:
+            query = "SELECT id FROM power_run WHERE device = ? AND boot = ? AND channel = ? AND base = ?"
+            statement = "INSERT INTO power_run (device, boot, channel, base) VALUES (?, ?, ?, ?)"
+            self._runs[key] = self._id(query, statement, key)
+        return self._runs[key]
 
-    def _mark(self, flags: tuple[str, ...], S_follows: bool, PF_follows: bool, schema: int) -> int:
-        mark = orjson.dumps(flags).decode(), S_follows, PF_follows, schema
-        self._connection.exec_driver_sql(
-            'INSERT OR IGNORE INTO power_mark (flags, "S", "PF", "schema") VALUES (?, ?, ?, ?)', mark
-        )
+    def _mark(self, schema: int, S_follows: bool, PF_follows: bool, *flags: str) -> int:
         query = 'SELECT id FROM power_mark WHERE flags = ? AND "S" = ? AND "PF" = ? AND "schema" = ?'
-        number = int(self._connection.exec_driver_sql(query, mark).scalar_one())
-        self._marks[flags, S_follows, PF_follows, schema] = number
+        statement = 'INSERT INTO power_mark (flags, "S", "PF", "schema") VALUES (?, ?, ?, ?)'
+        number = self._id(query, statement, (orjson.dumps(flags).decode(), S_follows, PF_follows, schema))
+        self._marks[schema, S_follows, PF_follows, *flags] = number
         return number
+
+    def _id(self, query: str, statement: str, values: tuple[Any, ...]) -> int:
+        """The id of the row that `query` asks for; `statement` makes it where it is not there yet."""
+        number = self._connection.exec_driver_sql(query, values).scalar()
+        if number is None:
+            self._connection.exec_driver_sql(statement, values)
+            number = self._connection.exec_driver_sql(query, values).scalar_one()
+        return int(number)
 
 
 def _stored(connection: sa.Connection, ids: Iterable[int]) -> Iterator[tuple[Any, ...]]:

@@ -6,7 +6,7 @@ from typing import Any
 
 import orjson
 
-from acqd.storage.received import Received
+from acqd.storage.received import Message
 from acqd.telemetry import topics
 from acqd.telemetry.event import message_number
 from acqd.telemetry.ranges import Ranges
@@ -18,7 +18,7 @@ def note(receipts: dict[Stream, Ranges], device: str, channel: str, boot: str, s
     receipts.setdefault(Stream(device, channel, boot), Ranges()).add(seq, seq)
 
 
-def note_refused(receipts: dict[Stream, Ranges], message: Received) -> None:
+def note_refused(receipts: dict[Stream, Ranges], message: Message) -> None:
     """A receipt also for what is no valid row, where it names itself: nobody can make it better by sending it again."""
     try:
         content: Any = orjson.loads(message.payload)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple, Protocol, TypeAlias
 
 from acqd.storage import events
 from acqd.telemetry import topics
@@ -18,18 +18,23 @@ from acqd.telemetry.spool import Stream
 Row: TypeAlias = PowerRow | QualityRow | RegisterRow
 
 
+class Message(events.Message, Protocol):
+    """As it came from the broker."""
+
+    @property
+    def oversized(self) -> int:
+        """Bytes of a message that is longer than the limit, its payload is cut; else 0."""
+
+
 class Received(NamedTuple):
-    """One message as it came from the broker."""
+    """A message from elsewhere than the connection to a broker."""
 
     topic: str
     payload: bytes
     oversized: int = 0
-    """Bytes of a message that is longer than the limit; its payload is cut."""
 
 
-Good: TypeAlias = tuple[Received, Row]
-"""A message of one row, and the row."""
-Refused: TypeAlias = tuple[Received, str]
+Refused: TypeAlias = tuple[Message, str]
 """A message that is no new row, and the reason."""
 
 
@@ -37,20 +42,27 @@ Refused: TypeAlias = tuple[Received, str]
 class Sorted:
     """Messages by what they hold."""
 
-    rows: list[Good] = field(default_factory=list)
+    rows: list[Row] = field(default_factory=list)
+    origins: list[Message] = field(default_factory=list)
+    """The message of each row. Two lists, for there are many: pairs would cost more than all checks of a row."""
     refused: list[Refused] = field(default_factory=list)
-    events: list[Received] = field(default_factory=list)
-    asks: list[Received] = field(default_factory=list)
+    events: list[Message] = field(default_factory=list)
+    asks: list[Message] = field(default_factory=list)
+
+    def add(self, origin: Message, row: Row) -> None:
+        """One row."""
+        self.rows.append(row)
+        self.origins.append(origin)
 
 
-def sort(messages: Iterable[Received]) -> Sorted:
+def sort(messages: Sequence[Message]) -> Sorted:
     """Read the rows; events and questions are set apart as they came."""
     found = Sorted()
-    power: list[tuple[Received, topics.Place]] = []
-    for message in messages:
-        place = topics.place(message.topic)
+    places = {topic: topics.place(topic) for topic in {message.topic for message in messages}}
+    power = [message for message in messages if places[message.topic].kind == "power" and not message.oversized]
+    for message in messages if len(power) < len(messages) else ():
+        place = places[message.topic]
         if place.kind == "power" and not message.oversized:
-            power.append((message, place))
             continue
         try:
             if place.kind == "event":
@@ -60,20 +72,23 @@ def sort(messages: Iterable[Received]) -> Sorted:
             elif place.kind == "window" and not message.oversized:
                 _sort_window(message, place, found)
             else:
-                found.rows.append((message, _row(message, place)))
+                found.add(message, _row(message, place))
         except ValueError as error:
             found.refused.append((message, str(error)))
-    for (message, place), row in zip(power, parse_each([message.payload for message, _ in power]), strict=True):
+    rows, origins = found.rows, found.origins
+    for message, row in zip(power, parse_each([message.payload for message in power]), strict=True):
+        place = places[message.topic]
         if isinstance(row, ValueError):
             found.refused.append((message, str(row)))
         elif row.device == place.device and row.channel == place.channel:
-            found.rows.append((message, row))
+            rows.append(row)
+            origins.append(message)
         else:
             found.refused.append((message, _elsewhere(row)))
     return found
 
 
-def message_row(message: Received) -> Row | PowerEvent:
+def message_row(message: Message) -> Row | PowerEvent:
     """The row or event in a message of one, whatever its time. Raises ValueError."""
     place = topics.place(message.topic)
     return events.parsed_event(message) if place.kind == "event" else _row(message, place)
@@ -91,17 +106,17 @@ def by_stream(rows: Iterable[Row]) -> dict[Stream, Sequence[Row]]:
     return {Stream(device, _stream_channel(kind, name), boot): of for (kind, device, name, boot), of in found.items()}
 
 
-def _sort_window(message: Received, place: topics.Place, found: Sorted) -> None:
+def _sort_window(message: Message, place: topics.Place, found: Sorted) -> None:
     """Raises ValueError for a window that is no list; what is wrong in it alone is refused alone."""
     for payload in payloads_of(message.topic, message.payload):
         part = Received(message.topic, payload)
         try:
-            found.rows.append((part, _row(part, place)))
+            found.add(part, _row(part, place))
         except ValueError as error:
             found.refused.append((part, str(error)))
 
 
-def _row(message: Received, place: topics.Place) -> Row:
+def _row(message: Message, place: topics.Place) -> Row:
     if message.oversized:
         raise ValueError(f"message of {message.oversized} bytes is too large for a row")
     kind = place.kind

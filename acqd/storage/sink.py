@@ -22,7 +22,6 @@ from acqd.changes import Repeats
 from acqd.retry import LOCAL_NETWORK, Backoff
 from acqd.storage.clock_witness import ClockWitness
 from acqd.storage.committer import Batch, Committer
-from acqd.storage.received import Received
 from acqd.storage.sink_hello import hello
 from acqd.storage.sink_settings import SinkCounters, SinkSettings
 from acqd.storage.writer import Writer, Written
@@ -191,8 +190,7 @@ class Sink:
             size += len(self._arrived[count].payload)
             count += 1
         batch, self._arrived = self._arrived[:count], self._arrived[count:]
-        received = [Received(message.topic, message.payload, message.oversized) for message in batch]
-        committer.submit(Batch(received, [message.number for message in batch], self.counters.reconnects, self._since))
+        committer.submit(Batch(batch, [message.number for message in batch], self.counters.reconnects, self._since))
 
     def _answer(self, subscriber: Subscriber, committer: Committer) -> None:
         """Receipts first: an acknowledged row does not come again."""

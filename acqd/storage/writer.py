@@ -9,7 +9,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import cast
+from typing import Any, cast
 
 import sqlalchemy as sa
 
@@ -19,7 +19,7 @@ from acqd.storage.boot_watch import BootWatch
 from acqd.storage.clock_witness import FLAG, IMPOSSIBLE, ClockWitness
 from acqd.storage.guard import Guard
 from acqd.storage.receipted import note, note_refused
-from acqd.storage.received import Good, Received, Refused, Row, by_stream, sort
+from acqd.storage.received import Message, Refused, Row, Sorted, by_stream, sort
 from acqd.telemetry import topics
 from acqd.telemetry.ranges import Ranges
 from acqd.telemetry.receipts import LastRow
@@ -71,7 +71,7 @@ class Writer:
         self.guard = Guard(engine, client_id, self.witness)
         self._full = False
 
-    def write(self, messages: Sequence[Received]) -> Written:
+    def write(self, messages: Sequence[Message]) -> Written:
         """Commit all rows of `messages`, or none.
 
         Raises sqlalchemy.exc.DBAPIError while the database cannot, DatabaseAwayError when it is not the one of the
@@ -83,13 +83,13 @@ class Writer:
         stored = events.store(self.guard.transaction, found.events, self.witness)
         unusable = [*found.refused, *((found.events[k], reason) for k, reason in stored.refused)]
         refused = [one for one in unusable if not one[1].startswith(IMPOSSIBLE)]
-        good, impossible = self._judged(found.rows)
+        good, origins, impossible = self._judged(found)
         impossible += [one for one in unusable if one[1].startswith(IMPOSSIBLE)]
-        streams = by_stream(row for _, row in good)
+        streams = by_stream(good)
         self._flag_boots(streams)
         kept = refused[: self._allowance.fitting([_size(message) for message, _ in refused])]
         try:
-            conflicts, poison = self._store(good, [*kept, *impossible])
+            conflicts, poison = self._store(good, origins, [*kept, *impossible])
         except self._engine.dialect.loaded_dbapi.Error as error:  # from COPY, which SQLAlchemy does not see
             raise sa.exc.DBAPIError("COPY", None, error) from error
         self._spend(kept, len(refused))
@@ -108,15 +108,16 @@ class Writer:
                     written.answers[question.device] = last_rows.last_rows(connection, question)
         return written
 
-    def _judged(self, rows: list[Good]) -> tuple[list[Good], list[Refused]]:
-        """Rows whose time may be true, flagged where that is in doubt, and those whose time cannot."""
-        for device, ticks in {row.device: row.filetime for _, row in rows}.items():
+    def _judged(self, found: Sorted) -> tuple[list[Row], list[Message], list[Refused]]:
+        """Rows whose time may be true, flagged where that is in doubt, their messages; and those that cannot be."""
+        for device, ticks in {row.device: row.filetime for row in found.rows}.items():
             self.witness.hear(device, ticks)
-        if self.witness.all_plausible([row.filetime for _, row in rows]):
-            return rows, []
-        good: list[Good] = []
+        if self.witness.all_plausible([row.filetime for row in found.rows]):
+            return found.rows, found.origins, []
+        good: list[Row] = []
+        origins: list[Message] = []
         impossible: list[Refused] = []
-        for message, row in rows:
+        for message, row in zip(found.origins, found.rows, strict=True):
             try:
                 judged = self.witness.judge(row.device, row.filetime, row.time, getattr(row, "flags", ()))
             except ValueError as error:
@@ -124,8 +125,9 @@ class Writer:
                 continue
             if judged == "doubtful" and not isinstance(row, RegisterRow):
                 row.flags = sorted({*row.flags, FLAG})
-            good.append((message, row))
-        return good, impossible
+            good.append(row)
+            origins.append(message)
+        return good, origins, impossible
 
     def _flag_boots(self, streams: Mapping[Stream, Sequence[Row]]) -> None:
         power = [
@@ -137,7 +139,7 @@ class Writer:
         for device, boot, of in power:
             ticks = [row.filetime for row in of]
             first, newest = spans.get((device, boot), (ticks[0], ticks[0]))
-            spans[device, boot] = min(first, *ticks), max(newest, *ticks)
+            spans[device, boot] = min(first, min(ticks)), max(newest, max(ticks))
         mixed = {name for name, span in spans.items() if self.boots.hear(*name, *span)}
         for device, boot, of in power:
             for row in of if (device, boot) in mixed else ():
@@ -152,33 +154,33 @@ class Writer:
         if refused:
             self._full = full
 
-    def _store(self, good: list[Good], apart: list[Refused]) -> tuple[int, int]:
+    def _store(self, good: list[Row], origins: list[Message], apart: list[Refused]) -> tuple[int, int]:
         """Commit rows, and what is set apart, in one transaction; how many rows conflict, and are poison.
 
         The database refuses some row of the batch for what it holds: find it by halves, keep the others.
         """
         try:
-            return self._commit(good, apart), 0
+            return self._commit(good, origins, apart), 0
         except _PoisonError as error:
             if len(good) == 1:
-                self._commit([], [(good[0][0], str(error)), *apart])
+                self._commit([], [], [(origins[0], str(error)), *apart])
                 return 0, 1
         half = len(good) // 2
-        first, second = self._store(good[:half], apart), self._store(good[half:], [])
+        first = self._store(good[:half], origins[:half], apart)
+        second = self._store(good[half:], origins[half:], [])
         return first[0] + second[0], first[1] + second[1]
 
-    def _commit(self, good: list[Good], apart: list[Refused]) -> int:
+    def _commit(self, good: list[Row], origins: list[Message], apart: list[Refused]) -> int:
         """One transaction; the number of conflicts. Raises _PoisonError for rows that no database takes."""
         dbapi = self._engine.dialect.loaded_dbapi
         with self.guard.transaction() as connection:
-            differing: list[Received] = []
+            differing: list[Message] = []
             try:
-                power = [(message, row) for message, row in good if isinstance(row, PowerRow)]
-                if power:
-                    differing = [power[k][0] for k in rows.insert(connection, [row for _, row in power])]
-                for kind, table in keyed_rows.TABLES.items() if len(power) < len(good) else ():
-                    keyed = [(message, row) for message, row in good if isinstance(row, kind)]
-                    differing += [keyed[k][0] for k in keyed_rows.insert(connection, table, [row for _, row in keyed])]
+                for kind in {row.__class__ for row in good}:
+                    of = [row for row in good if row.__class__ is kind]
+                    if where := _insert(connection, kind, of):
+                        positions = [k for k, row in enumerate(good) if row.__class__ is kind]
+                        differing += [origins[positions[k]] for k in where]
             except (sa.exc.DataError, sa.exc.IntegrityError, dbapi.DataError, dbapi.IntegrityError) as error:
                 raise _PoisonError(str(error).splitlines()[0]) from error
             except (ValueError, OverflowError) as error:  # the driver cannot even send it
@@ -188,6 +190,14 @@ class Writer:
         return len(differing)
 
 
-def _size(message: Received) -> int:
+def _insert(connection: sa.Connection, kind: type[Row], of: list[Any]) -> list[int]:
+    """Insert what is new of the rows of a kind; positions of those whose key is stored with other values."""
+    for keyed, table in keyed_rows.TABLES.items():
+        if kind is keyed:
+            return keyed_rows.insert(connection, table, of)
+    return rows.insert(connection, of)
+
+
+def _size(message: Message) -> int:
     """Bytes that the quarantine would keep of a message."""
     return min(len(message.payload), quarantining.PAYLOAD_KEPT)

@@ -275,11 +275,14 @@ class Delivery:
             self._dialogue.answered(device, message)
         self._watch.receipt_comes()
         removed = expected = 0
+        sent = self._now()
         for stream, *pair in ranges_of(device, message):
             for first, last in self._unsent.without(stream, *pair):
                 removed += self.spool.remove(stream, first, last)
-                expected += self._flying.settle(stream, first, last)
-        self._watch.receipt_came(removed, expected)
+                if settled := self._flying.settle(stream, first, last):
+                    expected += settled
+                    sent = min(sent, self._flying.settled_sent)
+        self._watch.receipt_came(removed, expected, sent)
 
     def _backlog_allowed(self) -> int:
         """Rows of the backlog that may be sent now."""

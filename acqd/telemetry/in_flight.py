@@ -28,6 +28,8 @@ class InFlight:
         self._rows: dict[Stream, Ranges] = {}
         self._groups: deque[_Group] = deque()
         self._count = 0
+        self.settled_sent = 0.0
+        """When the oldest of the rows that were settled last had been sent (monotonic) [s]."""
 
     def add(self, stream: Stream, seq: int, now: float) -> None:
         """The row was sent at `now` (monotonic) [s]."""
@@ -52,9 +54,10 @@ class InFlight:
         settled = rows.remove(first, last) if rows is not None else 0
         if settled:
             self._count -= settled
-            for group in self._groups:
-                if stream in group.rows:
-                    group.rows[stream].remove(first, last)
+            times = [
+                group.last for group in self._groups if stream in group.rows and group.rows[stream].remove(first, last)
+            ]
+            self.settled_sent = times[0]
         return settled
 
     def oldest_s(self, now: float) -> float:

@@ -11,7 +11,11 @@ AHEAD = 4_096
 _PROBE = 64
 """The same while no sink is known: one may be there and not have said so."""
 _PATIENCE_S = (5.0, 60.0)
-"""How long a receipt may take; doubled while none comes."""
+"""How long a receipt may take; doubled while none comes, and twice as long as the last ones took.
+
+With a fixed limit, a way that takes longer is filled with rows that are already on it, and slows down further: as in a
+congestion collapse, it never catches up. TCP waits for its acknowledgements in the same manner (RFC 6298).
+"""
 _QUIET_S = 1.0
 """The backlog pauses so long while a sink works through what the broker had kept for it."""
 _LATELY_S = 10.0
@@ -61,13 +65,13 @@ class ReceiptWatch:
         """A receipt is about to be taken."""
         self._note_wait(self._flying.oldest_s(self._now()))
 
-    def receipt_came(self, removed: int, expected: int) -> None:
-        """A receipt has taken `removed` rows out of the spool, of which `expected` were under way."""
+    def receipt_came(self, removed: int, expected: int, sent: float) -> None:
+        """A receipt has taken `removed` rows out of the spool, of which `expected` were under way, since `sent`."""
         now = self._now()
         self._heard, self.seen = now, True
         if expected:
             self._unreceipted_since = now
-            self._patience = _PATIENCE_S[0]
+            self._patience = min(max(_PATIENCE_S[0], 2 * (now - sent)), _PATIENCE_S[1])
         if removed > expected:
             self._quiet_until = now + _QUIET_S
 

@@ -84,22 +84,19 @@ def parse_row(payload: bytes) -> PowerRow:
 def parse_each(payloads: Sequence[bytes]) -> list[PowerRow | ValueError]:
     """The row in each payload, or the error that `parse_row` raises.
 
-    Two thirds of the time of one by one: the channels of a window have the same time.
+    Half of the time of one by one: what all have in common is checked once.
     """
     parse = _decoder.decode if _NUL.search(b" ".join(payloads)) is None else parse_row
     found: list[PowerRow | ValueError] = []
-    checked = ""
-    for payload in payloads:
+    todo = iter(payloads)
+    while len(found) < len(payloads):
         try:
-            row = parse(payload)
-            if row.time != checked:
-                _check_zone(row.time)
-                checked = row.time
+            found.extend(map(parse, todo))  # keeps the rows before one that raises
         except (msgspec.DecodeError, ValueError, RecursionError) as error:
             found.append(ValueError(str(error)[:_REASON]))  # it quotes the payload
-        else:
-            found.append(row)
-    return found
+    times = {row.time for row in found if isinstance(row, PowerRow)}  # the channels of a window have the same
+    wrong = {time: reason for time in times if (reason := _wrong_zone(time)) is not None}
+    return [wrong.get(row.time, row) if isinstance(row, PowerRow) else row for row in found] if wrong else found
 
 
 def decoded(decoder: msgspec.json.Decoder[_Row], payload: bytes) -> _Row:
@@ -110,18 +107,18 @@ def decoded(decoder: msgspec.json.Decoder[_Row], payload: bytes) -> _Row:
         row = decoder.decode(payload)
     except (msgspec.DecodeError, ValueError, RecursionError) as error:
         raise ValueError(str(error)[:_REASON]) from None  # it quotes the payload
-    _check_zone(row.time)
+    if (wrong := _wrong_zone(row.time)) is not None:
+        raise wrong
     return row
 
 
-def _check_zone(time: str) -> None:
-    """Raises ValueError."""
+def _wrong_zone(time: str) -> ValueError | None:
+    """What is wrong with a time, if anything."""
     try:
         zoned = datetime.fromisoformat(time).tzinfo is not None
     except ValueError:
         zoned = False
-    if not zoned:
-        raise ValueError(f"time {time!r:.40} is not RFC 3339 with a time zone")
+    return None if zoned else ValueError(f"time {time!r:.40} is not RFC 3339 with a time zone")
 
 
 def rows_of(batch: WindowBatch, device: str, boot: str) -> Iterator[PowerRow]:

@@ -15,6 +15,7 @@ V311, V5 = 4, 5
 CONNACK, PUBLISH, PUBACK, SUBACK, PINGRESP, DISCONNECT = 2, 3, 4, 9, 13, 14
 _SHORT = struct.Struct("!H")
 _KEPT_OF_OVERSIZED = 1024
+_MOST_TOPICS = 4096
 UNSUPPORTED = "unsupported protocol version"
 _REASONS = {
     (V311, 1): UNSUPPORTED,
@@ -126,6 +127,7 @@ class Packets:
         self._version, self._largest = version, largest
         self._data = bytearray()
         self._skip = 0
+        self._topics: dict[bytes, str] = {}
 
     @property
     def partial(self) -> bool:
@@ -152,29 +154,42 @@ class Packets:
                 if length > there:
                     break
                 at = start + length
-                body = buffer[start:at]
-                yield first >> 4, self._publish(first, body) if first >> 4 == PUBLISH else body
+                if first >> 4 == PUBLISH:
+                    yield PUBLISH, self._publish(first, buffer, start, at)
+                else:
+                    yield first >> 4, buffer[start:at]
         finally:
             del self._data[:at]
 
-    def _publish(self, first: int, body: bytes) -> Publish:
+    def _publish(self, first: int, data: bytes, at: int, end: int) -> Publish:
+        """The message whose packet has its body in data[at:end]."""
+        body, number = at, 0
         try:
-            end = 2 + _SHORT.unpack_from(body)[0]
-            topic, number = body[2:end].decode(errors="replace"), 0
+            at += 2 + (data[at] << 8 | data[at + 1])
+            name = data[body + 2 : at]
             if first & 0x06:
-                number = _SHORT.unpack_from(body, end)[0]
-                end += 2
+                number = data[at] << 8 | data[at + 1]
+                at += 2
             if self._version == V5:
-                length, end = _variable(body, end)
-                end += length
-        except (struct.error, IndexError):
-            raise ProtocolError("a PUBLISH is malformed") from None
-        return Publish(topic, body[end:], number, retained=bool(first & 0x01))
+                length, at = (0, at + 1) if data[at] == 0 else _variable(data, at)
+                at += length
+        except IndexError:
+            at = end + 1
+        if at > end:
+            raise ProtocolError("a PUBLISH is malformed")
+        return Publish(self._topics.get(name) or self._topic(name), data[at:end], number, 0, bool(first & 0x01))
+
+    def _topic(self, name: bytes) -> str:
+        """The text of a topic, which comes again and again."""
+        if len(self._topics) >= _MOST_TOPICS:
+            self._topics.clear()
+        self._topics[name] = topic = name.decode(errors="replace")
+        return topic
 
     def _oversized(self, first: int, begin: bytes, length: int) -> tuple[int, Publish]:
         if first >> 4 != PUBLISH:
             raise ProtocolError(f"a packet of type {first >> 4} has {length} bytes")
-        return PUBLISH, self._publish(first, begin)._replace(oversized=length)
+        return PUBLISH, self._publish(first, begin, 0, len(begin))._replace(oversized=length)
 
 
 def connack(version: int, body: bytes) -> str:
@@ -193,6 +208,8 @@ def reason(version: int, body: bytes) -> str:
 
 def _head(data: bytes, at: int) -> tuple[int, int] | None:
     """Where the body of the packet begins, and its length; None while the head is not complete."""
+    if len(data) - at > 2 and data[at + 2] < 0x80 <= data[at + 1]:  # two bytes of length, as nearly every message has
+        return at + 3, data[at + 1] & 0x7F | data[at + 2] << 7
     length = shift = 0
     for k in range(at + 1, min(at + 5, len(data))):
         length |= (data[k] & 0x7F) << shift

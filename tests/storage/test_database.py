@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import threading
 
 import pytest
 import sqlalchemy as sa
 from alembic.autogenerate import compare_metadata
 from alembic.runtime.migration import MigrationContext
+from alembic.script import ScriptDirectory
 
 from acqd.errors import UserError
-from acqd.storage.database import open_database, read_database
+from acqd.storage.database import MIGRATIONS, newest_version, open_database, read_database
 from acqd.storage.schema import metadata
 from tests.storage.rows import count
 
@@ -32,6 +35,18 @@ def test_migrations_give_exactly_the_declared_schema(database):
     difference = [entry for entry in difference if entry[0] != "remove_index"]
     assert [entry[0] for entry in difference if entry[1].name in numbered] == expected == [one[0] for one in difference]
     assert columns == [column.name for column in metadata.tables["power"].columns]
+
+
+def test_a_database_that_is_up_to_date_is_opened_without_what_brings_it_there(tmp_path):
+    """A sink that is started again imports no Alembic, which takes longer than all else that it does."""
+    assert newest_version() == ScriptDirectory(str(MIGRATIONS)).get_current_head()
+    path = str(tmp_path / "a.sqlite")
+    open_database(path)
+    script = (
+        "import sys, acqd.storage.sink; from acqd.storage.database import open_database; "
+        f"open_database({path!r}); print([name for name in sys.modules if name.startswith('alembic')])"
+    )
+    assert subprocess.run([sys.executable, "-c", script], capture_output=True, text=True).stdout == "[]\n"
 
 
 def test_opening_again_and_from_several_sinks_at_once_is_harmless(database):

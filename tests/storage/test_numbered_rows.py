@@ -86,6 +86,19 @@ def test_every_value_comes_back_to_the_last_bit(memory, rows):
     assert _stored(memory) == _sent(rows)
 
 
+def test_of_many_rows_those_that_are_stored_with_other_values_are_told(tmp_path):
+    """Many rows go into one statement; some are there already, equal or not, also twice in one batch."""
+    engine = open_database(str(tmp_path / "a.sqlite"))
+    rows = [row(k) for k in range(200)]
+    there = [rows[3], structs.replace(rows[95], P=1.0), rows[120], structs.replace(rows[199], W=None)]
+    Writer(engine).write([message(one) for one in there])
+    again = structs.replace(rows[7], f=49.0)
+    written = Writer(engine).write([message(one) for one in [*rows, again]])
+    assert (written.rows, written.conflicts) == (198, 3)
+    kept = {(one.boot, one.seq): one for one in [*rows, *there]}
+    assert _stored(engine) == [structs.asdict(one) | {"flags": []} for _, one in sorted(kept.items())]
+
+
 def _size(path):
     """Bytes of a database, without its journal."""
     with sqlite3.connect(path) as connection:

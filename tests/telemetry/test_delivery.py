@@ -414,3 +414,19 @@ def test_rows_that_wait_for_a_slow_line_keep_their_order():
     wire.free = 64
     bench.make()
     assert wire.sent == [0, 1, 2] and bench.take() == []
+
+
+def test_a_way_that_is_slower_than_usual_is_not_filled_with_rows_that_are_already_on_it():
+    """Broker or sink stand still for 20 s, then carry a fifth more than is made: they have to catch up."""
+    bench, under_way = Bench(), []
+    bench.box.begin()
+    bench.sink()
+    for step in range(460):  # of half a second
+        bench.now += 0.5
+        bench.make(25)
+        under_way += bench.take_all()
+        if step >= 40:
+            arrived, under_way = Ranges((number, number) for number in under_way[:30]), under_way[30:]
+            for pair in arrived:
+                bench.receipt(*pair)
+    assert len(bench.box) < 50, "thousands where rows are sent again every 5 s"

@@ -68,3 +68,10 @@ def test_refusals_are_named(version):
     code = 4 if version == V311 else 0x86
     assert wire.connack(version, bytes([0, code, 0])) == "bad user name or password"
     assert wire.connack(version, b"\0\0\0") == ""
+
+
+@pytest.mark.parametrize("body", [b"\0", b"\0\5ab", b"\0\1a\0", b"\0\1a\0\7\x05", b"\0\1a\0\7\x80"])
+def test_a_message_that_says_more_than_its_packet_holds_is_malformed_whatever_follows(body):
+    stream = packet(0x32, body) + incoming(V5, "a/b", b"next", 7) * 3
+    with pytest.raises(ProtocolError, match="malformed"):
+        list(Packets(V5, 4096).feed(stream))

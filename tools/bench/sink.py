@@ -30,9 +30,11 @@ _ROWS, _BATCH, _ROUNDS = 40_000, 2_000, 5
 _COLUMNS = '"device","channel","boot","seq","time","filetime","Vrms","Irms","P","S","PF","f","W","flags","schema"'
 
 
-def _rows(boot: str) -> list[PowerRow]:
-    names = CHANNELS
-    stamps = [(rfc3339(k * 40_000_000), filetime(k * 40_000_000)) for k in range(_ROWS // 4)]
+def _rows(boot: str, number: int = 0) -> list[PowerRow]:
+    """A boot begins where the one before has ended: two that overlap are two daemons of one name, and flagged."""
+    names, windows = CHANNELS, _ROWS // 4
+    times = [(number * windows + k) * 40_000_000 for k in range(windows)]
+    stamps = [(rfc3339(time), filetime(time)) for time in times]
     return [
         PowerRow(
             "cell1",
@@ -90,7 +92,7 @@ def _ours(url: str) -> Round:
     writer = Writer(open_database(url))
 
     def measure(number: int) -> float:
-        messages = [Received(f"acqd/cell1/{r.channel}/power", r.to_json()) for r in _rows(f"ours{number}")]
+        messages = [Received(f"acqd/cell1/{r.channel}/power", r.to_json()) for r in _rows(f"ours{number}", number)]
         return _timed(writer.write, messages)
 
     return measure
@@ -109,7 +111,7 @@ def _raw_sqlite(path: Path) -> Round:
         connection.executemany(statement, batch)
         connection.commit()
 
-    return lambda number: _timed(insert, [_numbered(r, 100 + number) for r in _rows("raw")])
+    return lambda number: _timed(insert, [_numbered(r, 100 + number) for r in _rows("raw", number)])
 
 
 def _raw_postgres(connection: Any) -> Round:
@@ -121,13 +123,13 @@ def _raw_postgres(connection: Any) -> Round:
                 copy.write_row(values)
         connection.commit()
 
-    return lambda number: _timed(insert, [_plain(r) for r in _rows(f"raw{number}")])
+    return lambda number: _timed(insert, [_plain(r) for r in _rows(f"raw{number}", number)])
 
 
 def _end_to_end(url: str) -> float:
     """Rows/s from mosquitto into the table: the broker holds a backlog when the sink starts."""
     engine = open_database(url)
-    messages = [(f"acqd/cell1/{r.channel}/power", r.to_json()) for r in _rows("mqtt")]
+    messages = [(f"acqd/cell1/{r.channel}/power", r.to_json()) for r in _rows("mqtt", _ROUNDS)]
     settings = SinkSettings(client_id="bench")
     with mosquitto() as port:
         stopped = threading.Event()

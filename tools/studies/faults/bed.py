@@ -70,7 +70,8 @@ class Bed:
         self.health = HealthSection(port=free_port(), sink_port=free_port())
         self.proxies = {name: Proxy(self.port) for name in ("daemon", "sink", "sidecar")}
         self.database, self.url = self._storage()
-        self.broker = broker(kind.broker, folder, self.port)
+        self.environment = _installed(folder.parent / "bytecode")
+        self.broker = broker(kind.broker, folder, self.port, self.environment)
         self.daemon = self._service("daemon", extras.daemon_memory or unit_limit("acqd"), "run", "--tape", self.tape)
         self.sink = self._service("sink", unit_limit("acqd-sink"), "sink")
         self.clock, self.sink_clock = (
@@ -162,7 +163,7 @@ class Bed:
 
     def _clock(self, process: Process, name: str) -> FakedClock:
         faked = FakedClock(self.folder / f"{name}.clock")
-        process.options["env"] = os.environ | faked.environment()
+        process.options["env"] = self.environment | faked.environment()
         return faked
 
     def _service(self, name: str, memory: int, *command: object) -> Process:
@@ -175,7 +176,15 @@ class Bed:
             f"[health]\nport = {self.health.port}\nsink_port = {self.health.sink_port}\n"
         )
         arguments = [*ACQD, *map(str, command), "--config", str(config)]
-        return Process(limited(arguments, memory), self.folder / f"{name}.log", options={"cwd": self.folder})
+        options = {"cwd": self.folder, "env": self.environment}
+        return Process(limited(arguments, memory), self.folder / f"{name}.log", options=options)
+
+
+def _installed(bytecode: Path) -> dict[str, str]:
+    """Environment of services that start as installed ones do: from bytecode, which pip makes, not from sources."""
+    environment = dict(os.environ) | {"PYTHONPYCACHEPREFIX": str(bytecode)}
+    environment.pop("PYTHONDONTWRITEBYTECODE", None)
+    return environment
 
 
 def _disks(folder: Path) -> dict[str, disk.SmallDisk]:

@@ -20,12 +20,12 @@ ACQD = [sys.executable, "-m", "acqd"]
 _QUIET: dict[str, Any] = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
 
 
-def broker(kind: str, folder: Path, port: int) -> Process:
+def broker(kind: str, folder: Path, port: int, environment: dict[str, str] | None = None) -> Process:
     """mosquitto as config/mosquitto.conf configures it, with or without persistence, or the embedded broker."""
     log = folder / "broker.log"
     if kind == "embedded":
         command = limited([*ACQD, "broker", "--port", str(port)], unit_limit("acqd-broker"))
-        return Process(command, log, lambda: _listens(port))
+        return Process(command, log, lambda: _listens(port), {"env": environment})
     config, store = folder / "mosquitto.conf", folder / "broker"
     store.mkdir()
     text = (Path(__file__).parents[3] / "config" / "mosquitto.conf").read_text()

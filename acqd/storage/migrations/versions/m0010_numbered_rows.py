@@ -5,7 +5,6 @@ PostgreSQL keeps its table. Rows of a database of an earlier acqd stay in `power
 """
 
 import sqlalchemy as sa
-from alembic import op
 
 revision = "0010"
 down_revision = "0009"
@@ -100,6 +99,8 @@ def views(*, before: bool) -> list[str]:
 
 def upgrade() -> None:
     """Set rows of an earlier acqd aside, where there are any."""
+    from alembic import op  # what reads rows imports this module, and Alembic is slow to import
+
     bind = op.get_bind()
     if bind.dialect.name != "sqlite":
         return
@@ -111,6 +112,8 @@ def upgrade() -> None:
 
 def downgrade() -> None:
     """Back to a table."""
+    from alembic import op  # what reads rows imports this module, and Alembic is slow to import
+
     bind = op.get_bind()
     if bind.dialect.name != "sqlite":
         return
