@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 app = typer.Typer(no_args_is_help=True, help="All devices on a page, a month to print, what is installed.")
 Database = Annotated[str | None, typer.Option(help="SQLite file or URL (default: the configuration's).")]
-Tariff = Annotated[Path | None, typer.Option(help="TOML file with prices (default: [energy] tariff).")]
+Tariff = Annotated[Path | None, typer.Option(help="TOML file with prices (default: the configuration's).")]
 FleetFolder = Annotated[
     Path | None, typer.Option("--fleet", help="Results of acqd fleet (plant.fleet): causes, links to reports.")
 ]

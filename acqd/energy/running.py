@@ -1,4 +1,4 @@
-"""Energy of today, yesterday and this week as it goes on: for the page, Home Assistant and whoever asks every minute."""
+"""Energy of today, yesterday and this week as it goes on: for the page and Home Assistant, every minute."""
 
 from __future__ import annotations
 
@@ -122,7 +122,14 @@ class RunningEnergy:
         else:
             self._log.fine("tariff", "has prices again")
         periods = [None if account is None else account.total for account in accounts]
-        return Running(device, self.rules.zone, *periods, price, any(each is not None and each.simulated for each in accounts), trouble)
+        return Running(
+            device,
+            self.rules.zone,
+            *periods,
+            price,
+            any(each is not None and each.simulated for each in accounts),
+            trouble,
+        )
 
     def _spans(self, now: float) -> list[Range]:
         """Today, yesterday, this week, and as much of the last one."""

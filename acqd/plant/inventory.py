@@ -1,4 +1,4 @@
-"""What is installed: daemons and sinks with host, version, devices and sources, by what they have said to the broker."""
+"""What is installed: daemons and sinks with host, version, devices and sources, as they have told the broker."""
 
 from __future__ import annotations
 

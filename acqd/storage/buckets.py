@@ -201,8 +201,8 @@ def _from_numbered(
     """The same in SQLite, by the ids of the device's runs: rows of other devices are not looked at."""
     start = f"(filetime - {filetime(0)}) / {_TICKS * seconds} * {seconds}"
     query = (
-        f"SELECT {start} AS start, {seconds}, count(*), avg(P), min(P), max(P), max(filetime) FROM power_row NOT INDEXED"
-        " WHERE id >= ? AND id < ? AND id & 3 = ? AND filetime >= ? AND filetime < ? GROUP BY 1"
+        f"SELECT {start} AS start, {seconds}, count(*), avg(P), min(P), max(P), max(filetime) FROM power_row"
+        " NOT INDEXED WHERE id >= ? AND id < ? AND id & 3 = ? AND filetime >= ? AND filetime < ? GROUP BY 1"
     )
     at_end = "SELECT max(W) FROM power_row WHERE filetime = ? AND +id >= ? AND +id < ? AND id & 3 = ?"  # by the time
     buckets: dict[int, tuple[Any, ...]] = {}

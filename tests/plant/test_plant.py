@@ -154,7 +154,12 @@ def test_a_month_is_printed_with_what_is_missing(plant, fleet, ask):
     assert "50.00 EUR" in page  # 10 EUR for each kW of the highest quarter hours: 1 + 2 + 1 + 1 kW
     default = json.loads(ask("month").stdout)
     assert default["month"] == "2026-10" and default["page"] == "plant-2026-10.html"
-    for month, why in (("2026-1", "like 2026-10"), ("2027-01", "not begun"), ("2026-13", "expected"), ("2026-08", "no device")):
+    for month, why in (
+        ("2026-1", "like 2026-10"),
+        ("2027-01", "not begun"),
+        ("2026-13", "expected"),
+        ("2026-08", "no device"),
+    ):
         assert why in refused(ask("month", "--month", month, "--config", plant / "bare.toml"))
 
 
