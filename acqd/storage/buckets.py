@@ -211,8 +211,9 @@ def _from_numbered(
             other = buckets.get(row[0])
             buckets[row[0]] = (*row, low, high, code) if other is None else _both(other, (*row, low, high, code))
     found: list[_Row] = []
-    for *row, ticks, low, high, code in buckets.values():
-        found.append((*row, connection.exec_driver_sql(at_end, (ticks, low, high, code)).scalar()))
+    for begin, length, count, mean, least, most, ticks, low, high, code in buckets.values():
+        W = connection.exec_driver_sql(at_end, (ticks, low, high, code)).scalar()
+        found.append((begin, length, count, mean, least, most, W))
     return found
 
 
