@@ -61,6 +61,8 @@ class Kept:
 
     def __init__(self) -> None:
         self._rows: dict[int, _Row] = {}
+        self._most = 0
+        """Rows of the fullest bucket so far."""
 
     def between(self, begin: int, end: int, known: Sequence[_Row]) -> list[_Row]:
         """Kept buckets between two Unix times [s], without those that have a roll-up; older ones are forgotten."""
@@ -70,8 +72,8 @@ class Kept:
 
     def add(self, rows: Sequence[_Row]) -> None:
         """Keep those that lack hardly a row: into the others, rows may still come."""
-        usual = max((row[2] for row in rows), default=0)
-        self._rows |= {row[0]: row for row in rows if row[2] >= _FULL * usual}
+        self._most = max([self._most, *(row[2] for row in rows)])
+        self._rows |= {row[0]: row for row in rows if row[2] >= _FULL * self._most}
 
 
 def read_buckets(
