@@ -88,12 +88,12 @@ class _OnAScreen(TyperGroup):
     def format_help(self, ctx: Any, formatter: Any) -> None:  # versions of Typer have click's classes in other modules
         """Write a block for each step of the work."""
         name = ctx.command_path
-        lines = [f"Usage: {name} COMMAND ...      {name} COMMAND --help has an example", _ABOUT, ""]
+        lines = [f"Usage: {name} COMMAND ...      {name} COMMAND --help has an example", _ABOUT]
+        lines += [f"{name} --version; {name} --install-completion: commands and options by the TAB key"]
         for panel in dict.fromkeys(command.panel for command in _COMMANDS):
             cells = [f"{one.name:12}{one.about:24}" for one in _COMMANDS if one.panel == panel]
             titles = [panel, *[""] * len(cells)]
             lines += [f"{titles[k]:8}{''.join(cells[k : k + 2])}".rstrip() for k in range(0, len(cells), 2)]
-        lines += [f"{name} --version; {name} --install-completion: commands and options by the TAB key"]
         formatter.write("\n".join(lines))
 
 

@@ -34,7 +34,7 @@ def fleet(
     engine: Annotated[Engine, typer.Option(help="Local processes, or a Ray cluster.")] = Engine.PROCESS,
     ray_address: Annotated[str | None, typer.Option(help="Address of the Ray cluster (default: start one).")] = None,
     tariff: Annotated[
-        Path | None, typer.Option(help="TOML file with prices: what causes cost a year (default: [energy] tariff).")
+        Path | None, typer.Option(help="TOML file with prices: what causes cost a year (default: the configuration's).")
     ] = None,
     everybody: Annotated[bool, typer.Option("--all", help="Also list the robots that have not changed.")] = False,
     json: Json = False,

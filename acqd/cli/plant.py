@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 app = typer.Typer(no_args_is_help=True, help="All devices on a page, a month to print, what is installed.")
 Database = Annotated[str | None, typer.Option(help="SQLite file or URL (default: the configuration's).")]
-Tariff = Annotated[Path | None, typer.Option(help="TOML file with prices (default: [energy] tariff).")]
+Tariff = Annotated[Path | None, typer.Option(help="TOML file with prices (default: the configuration's).")]
 FleetFolder = Annotated[
     Path | None, typer.Option("--fleet", help="Results of acqd fleet (plant.fleet): causes, links to reports.")
 ]
@@ -47,6 +47,7 @@ def page_command(
     from acqd.extras import require
     from acqd.plant.page import plant_page
     from acqd.plant.plant import read_plant
+    from acqd.report.digits import counted
     from acqd.storage.database import read_database
 
     require("acqd plant", ("jinja2",), "data")
@@ -59,7 +60,9 @@ def page_command(
     if json:
         print(orjson.dumps({"page": str(out), "devices": [row.as_json() for row in plant.rows]}).decode())
     else:
-        print(f"{len(plant.rows)} devices, {sum(row.severity != 'fine' for row in plant.rows)} not fine: {out}")
+        print(
+            f"{counted(len(plant.rows), 'device')}, {sum(row.severity != 'fine' for row in plant.rows)} not fine: {out}"
+        )
 
 
 @app.command("month")
@@ -79,6 +82,7 @@ def month_command(
     from acqd.energy.rules import rules_of
     from acqd.extras import require
     from acqd.plant.month import month_page, month_range, read_month
+    from acqd.report.digits import counted
     from acqd.storage.database import read_database
 
     require("acqd plant", ("jinja2",), "data")
@@ -96,7 +100,9 @@ def month_command(
         print(orjson.dumps({"page": str(path), **about}).decode())
     else:
         price = "" if cost is None else f", {cost:.2f} EUR"
-        print(f"{found.name}: {len(found.accounts)} devices, {found.total.kWh or 0.0:.3f} kWh{price}: {path}")
+        print(
+            f"{found.name}: {counted(len(found.accounts), 'device')}, {found.total.kWh or 0.0:.3f} kWh{price}: {path}"
+        )
 
 
 @app.command("inventory")

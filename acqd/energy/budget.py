@@ -21,8 +21,8 @@ from acqd.energy.periods import Range, current, days_before
 from acqd.energy.read import devices, read_accounts
 from acqd.energy.rules import Rules
 from acqd.errors import InputError, UserError
-from acqd.storage.buckets import Kept
 from acqd.report.digits import duration, number, percent
+from acqd.storage.buckets import Kept
 
 _BASIS = 0.9
 """Least share of the earlier time with rows, for a forecast from it."""
@@ -138,9 +138,7 @@ def _name(budget: Budget) -> str:
     return f"{budget.device or 'all devices'}: the budget of {number(budget.limit)} {budget.unit} a {budget.per}"
 
 
-def _text(
-    budget: Budget, state: State, value: float, forecast: float | None, basis: str, used: Period | None
-) -> str:
+def _text(budget: Budget, state: State, value: float, forecast: float | None, basis: str, used: Period | None) -> str:
     unit, share = budget.unit, percent(value / budget.limit)
     begun = f"{_name(budget)} is exceeded" if state == "exceeded" else f"{_name(budget)}: {share} is used"
     ahead = f"; {number(forecast)} {unit} by its end {basis}" if forecast is not None else f"; {basis}"

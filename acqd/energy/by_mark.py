@@ -41,10 +41,10 @@ class Marked:
     seconds: float = 0.0
     known_s: float = 0.0
     """With rows."""
-    nWh: int = 0  # noqa: N815
+    nWh: int = 0
     cost: Fraction | None = None
     """EUR; None without a tariff."""
-    unpriced_nWh: int = 0  # noqa: N815
+    unpriced_nWh: int = 0
     """Over a gap in which the price changes."""
 
     @property
@@ -61,18 +61,18 @@ class ByMark:
     channel: str
     values: list[Marked]
     """In the order in which they appear; without a value last."""
-    between_nWh: int  # noqa: N815
+    between_nWh: int
     """Over marks where rows lack: it belongs to no value."""
-    jumps_nWh: int  # noqa: N815
+    jumps_nWh: int
     """Steps of the register that no power explains: no energy."""
-    register_nWh: int  # noqa: N815
+    register_nWh: int
     rows: int
     simulated: bool
 
 
 @dataclass(slots=True)
 class _State:
-    nWh: dict[tuple[int, int], int] = field(default_factory=dict)  # noqa: N815
+    nWh: dict[tuple[int, int], int] = field(default_factory=dict)
     """By mark and start of the price [Unix s]."""
     unpriced: dict[int, int] = field(default_factory=dict)
     rows: dict[int, int] = field(default_factory=dict)
@@ -83,9 +83,7 @@ class _State:
     count: int = 0
 
 
-def by_mark(
-    engine: sa.Engine, device: str, marks: Marks, begin: int, end: int, tariff: Tariff | None
-) -> ByMark:
+def by_mark(engine: sa.Engine, device: str, marks: Marks, begin: int, end: int, tariff: Tariff | None) -> ByMark:
     """Unix times [s]. Raises UserError where there are no rows, or InputError where there is no price."""
     step_s = 60 if tariff is not None and tariff.by_minute else 900
     with engine.connect() as connection:

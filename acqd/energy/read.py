@@ -51,7 +51,9 @@ def read_accounts(
     """
     begin, end = min(span[0] for span in spans), max(span[-1] for span in spans)
     with engine.connect() as connection:
-        readings = _Readings(connection, device, begin, end, seconds or resolution([begin, *chain(*spans), end], tariff), kept)
+        readings = _Readings(
+            connection, device, begin, end, seconds or resolution([begin, *chain(*spans), end], tariff), kept
+        )
         return [readings.account(span, tariff) for span in spans]
 
 

@@ -1,4 +1,4 @@
-"""Energy of today, yesterday and this week as it goes on: for the page, Home Assistant and whoever asks every minute."""
+"""Energy of today, yesterday and this week as it goes on: for the page and Home Assistant, every minute."""
 
 from __future__ import annotations
 
@@ -121,8 +121,9 @@ class RunningEnergy:
             self._log.trouble("tariff", trouble, f"{trouble}; energies have no cost until then")
         else:
             self._log.fine("tariff", "has prices again")
-        periods = [None if account is None else account.total for account in accounts]
-        return Running(device, self.rules.zone, *periods, price, any(each is not None and each.simulated for each in accounts), trouble)
+        today, yesterday, week, last = (None if account is None else account.total for account in accounts)
+        simulated = any(each is not None and each.simulated for each in accounts)
+        return Running(device, self.rules.zone, today, yesterday, week, last, price, simulated, trouble)
 
     def _spans(self, now: float) -> list[Range]:
         """Today, yesterday, this week, and as much of the last one."""

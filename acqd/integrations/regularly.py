@@ -57,7 +57,7 @@ class Regularly(Generic[Answer]):
         try:
             self._engine = self._engine or read_database(self._database)
             answer = self._read(self._engine)
-        except (UserError, sa.exc.SQLAlchemyError) as error:
+        except (UserError, sa.exc.DBAPIError) as error:
             self.trouble = str(error) if isinstance(error, UserError) else first_line(error)
             self.failures += 1
             self._changes.trouble("database", "away", f"{self.trouble}; trying again")

@@ -56,17 +56,18 @@ def device_row(
     usual = [_usual(one) for one in days]
     kWh = _mean([one.kWh for one in usual[7:] if one])
     EUR = _mean([_cost(one) for one in usual[7:] if one])
+    state = _state(device, heard)
     open_alarms = [each for each in alarms if not each.get("acknowledged_by")]
     changed = found is not None and found["state"] == "changed"
     severity: Severity = (
-        "alarm" if open_alarms else "no rows" if not days or days[-1].known_s == 0
+        "alarm" if open_alarms else "no rows" if state != "online" and (not days or days[-1].known_s == 0)
         else "acknowledged" if alarms else "changed" if changed else "unknown" if heard is None else "fine"
     )  # fmt: skip
     named = [str(each.get("text", "")) for each in alarms]
     if found is not None and (changed or found["error"]):
         named.append(words.what(dict(found)))
     return DeviceRow(
-        device, _state(device, heard), severity, "; ".join(filter(None, named)), _since(alarms, found), kWh, EUR,
+        device, state, severity, "; ".join(filter(None, named)), _since(alarms, found), kWh, EUR,
         _change(usual), tuple(one.kWh if one else None for one in usual),
         sum(one.missing_s for one in days[7:]), ", ".join(sorted({str(each["acknowledged_by"]) for each in alarms
                                                                  if each.get("acknowledged_by")})),

@@ -1,9 +1,9 @@
-"""What is installed: daemons and sinks with host, version, devices and sources, by what they have said to the broker."""
+"""What is installed: daemons and sinks with host, version, devices and sources, as they have told the broker."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from acqd.plant.heard import Heard, Status
@@ -77,14 +77,12 @@ def _devices(name: str, status: Status) -> Iterator[str]:
 def _sink(name: str, status: Status | None) -> Installed:
     if status is None:
         return Installed("sink", name, False, "", "", "", (), "", ())
-    texts = (str(status.get(key, "")) for key in ("host", "version", "started"))
-    return Installed("sink", name, True, *texts, (), "", ())
+    host, version, started = (str(status.get(key, "")) for key in ("host", "version", "started"))
+    return Installed("sink", name, True, host, version, started, (), "", ())
 
 
 def _marked(found: list[Installed]) -> list[Installed]:
     """With a remark on what does not run the newest version that is running."""
-    from dataclasses import replace
-
     newest = max((_numbers(one.version) for one in found if one.version), default=())
     shown = next((one.version for one in found if one.version and _numbers(one.version) == newest), "")
     return [

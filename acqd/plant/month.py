@@ -124,8 +124,8 @@ def month_page(month: Month, out: Path) -> Page:
     page.table(_HEAD, [_cells(month, account, total) for account in month.accounts])
     over = sum(account.between_nWh for account in month.days) / 1e12
     page.text(
-        f"Time without rows is shown and never filled; {number(over)} kWh were counted where rows lack, over the end of "
-        "a day: they belong to the month, and to no day." if over else "Time without rows is shown and never filled."
+        f"Time without rows is shown and never filled; {number(over)} kWh were counted where rows lack, over the end "
+        "of a day: they belong to the month, and to no day." if over else "Time without rows is shown and never filled."
     )  # fmt: skip
     page.heading("What has changed")
     rows = [

@@ -30,8 +30,8 @@ def plant_page(plant: Plant, out: Path) -> Page:
     page.text(
         f"The gravest first. Energies and costs of a day are means of the last seven days, until "
         f"{datetime.fromtimestamp(plant.end, plant.rules.zone):%Y-%m-%d %H:%M} in {plant.rules.zone.key}; days that "
-        "lack more than a hundredth of their rows do not count. The trend is against the same weekdays of the week before; "
-        "the line shows both weeks."
+        "lack more than a hundredth of their rows do not count. The trend is against the same weekdays of the week "
+        "before; the line shows both weeks."
     )
     page.table(_HEAD, [cells(row, out) for row in plant.rows], sortable=True)
     tariff = plant.rules.tariff
@@ -85,5 +85,3 @@ def _link(row: DeviceRow, out: Path) -> str | Link:
     if row.report is None or not Path(row.report).exists():
         return ""
     return Link("closing report", quote(os.path.relpath(Path(row.report).resolve(), out.resolve().parent)))
-
-

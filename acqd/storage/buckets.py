@@ -61,6 +61,8 @@ class Kept:
 
     def __init__(self) -> None:
         self._rows: dict[int, _Row] = {}
+        self._most = 0
+        """Rows of the fullest bucket so far."""
 
     def between(self, begin: int, end: int, known: Sequence[_Row]) -> list[_Row]:
         """Kept buckets between two Unix times [s], without those that have a roll-up; older ones are forgotten."""
@@ -70,8 +72,8 @@ class Kept:
 
     def add(self, rows: Sequence[_Row]) -> None:
         """Keep those that lack hardly a row: into the others, rows may still come."""
-        usual = max((row[2] for row in rows), default=0)
-        self._rows |= {row[0]: row for row in rows if row[2] >= _FULL * usual}
+        self._most = max([self._most, *(row[2] for row in rows)])
+        self._rows |= {row[0]: row for row in rows if row[2] >= _FULL * self._most}
 
 
 def read_buckets(
@@ -201,8 +203,8 @@ def _from_numbered(
     """The same in SQLite, by the ids of the device's runs: rows of other devices are not looked at."""
     start = f"(filetime - {filetime(0)}) / {_TICKS * seconds} * {seconds}"
     query = (
-        f"SELECT {start} AS start, {seconds}, count(*), avg(P), min(P), max(P), max(filetime) FROM power_row NOT INDEXED"
-        " WHERE id >= ? AND id < ? AND id & 3 = ? AND filetime >= ? AND filetime < ? GROUP BY 1"
+        f"SELECT {start} AS start, {seconds}, count(*), avg(P), min(P), max(P), max(filetime) FROM power_row"
+        " NOT INDEXED WHERE id >= ? AND id < ? AND id & 3 = ? AND filetime >= ? AND filetime < ? GROUP BY 1"
     )
     at_end = "SELECT max(W) FROM power_row WHERE filetime = ? AND +id >= ? AND +id < ? AND id & 3 = ?"  # by the time
     buckets: dict[int, tuple[Any, ...]] = {}
@@ -211,8 +213,9 @@ def _from_numbered(
             other = buckets.get(row[0])
             buckets[row[0]] = (*row, low, high, code) if other is None else _both(other, (*row, low, high, code))
     found: list[_Row] = []
-    for *row, ticks, low, high, code in buckets.values():
-        found.append((*row, connection.exec_driver_sql(at_end, (ticks, low, high, code)).scalar()))
+    for begin, length, count, mean, least, most, ticks, low, high, code in buckets.values():
+        W = connection.exec_driver_sql(at_end, (ticks, low, high, code)).scalar()
+        found.append((begin, length, count, mean, least, most, W))
     return found
 
 

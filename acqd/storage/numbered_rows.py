@@ -71,7 +71,7 @@ def runs(connection: sa.Connection, device: str, boot: str) -> list[tuple[int, s
 def ids_between(
     connection: sa.Connection, device: str, channel: str, first: int, last: int
 ) -> list[tuple[int, int, int]]:
-    """Of every run of a device and channel with rows of `first` <= filetime < `last`: least id, id after the last, code.
+    """Of every run of a channel with rows of `first` <= filetime < `last`: least id, id after the last, code.
 
     Within a run, time rises with the id (ADR 16), so both ends are found by bisection; `id & 3` is the code.
     """

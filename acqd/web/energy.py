@@ -24,7 +24,7 @@ class EnergyOfDays:
 
     def __init__(self, section: EnergySection) -> None:
         """Raises UserError for a tariff that cannot be read."""
-        self._running = RunningEnergy(rules_of(section), lambda: time.time())  # noqa: PLW0108  a test sets the clock
+        self._running = RunningEnergy(rules_of(section), lambda: time.time())
         self._kept: dict[str, tuple[float, dict[str, Any]]] = {}
         self._reading = threading.Lock()  # one at a time: the page must not take the database from the sink
 

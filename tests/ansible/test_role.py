@@ -39,7 +39,11 @@ def test_a_check_changes_nothing_and_a_host_without_a_wheel_is_told(tmp_path):
     assert "acqd_wheel is not set" in done.stdout and re.search(r"hall-1 .* failed=0 ", done.stdout), done.stdout
     assert "changed: [hall-1]" in shown["The configuration"] and '+device = "hall-1"' in shown["The configuration"]
     command = shown["User, folders, units, the first configuration"]
-    for words in ('"service", "install", "--no-start", "--device", "hall-1"', '"--rights=raw-network"', '"--with=daemon"'):
+    for words in (
+        '"service", "install", "--no-start", "--device", "hall-1"',
+        '"--rights=raw-network"',
+        '"--with=daemon"',
+    ):
         assert words in command
     assert "secret" not in done.stdout
     assert sorted(path.name for path in tmp_path.iterdir() if path.name != "local") == before

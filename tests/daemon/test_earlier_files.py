@@ -6,6 +6,7 @@ import pytest
 
 from acqd.daemon.config import load_config
 from acqd.errors import InputError
+from acqd.installation.config_upgrade import planned
 
 FIRST = 'device = "acqd"\n[source]\nkind = "simulated"\nphases = 3\nloops = {loops}\n[mqtt]\nqueue = 100000\n'
 
@@ -24,3 +25,22 @@ def test_a_key_of_another_kind_with_another_value_is_refused(tmp_path, loops):
     path.write_text(FIRST.format(loops=loops))
     with pytest.raises(InputError, match=r"source\.loops belongs to kind replay"):
         load_config(path)
+
+
+def test_the_tariff_of_the_page_is_that_of_all_costs_and_is_moved(tmp_path, caplog):
+    path = tmp_path / "acqd.toml"
+    path.write_text('[web]\ntariff = "/etc/acqd/t.toml"  # of the works\nport = 9000\n')
+    assert str(load_config(path).energy.tariff) == "/etc/acqd/t.toml" and "config upgrade" in caplog.text
+    upgrade = planned(path)
+    assert upgrade.needed and "[energy]" in upgrade.after and "energy.tariff" in upgrade.notes[0]
+    path.write_text(upgrade.after)
+    assert load_config(path).energy.tariff is not None and load_config(path).web.port == 9000
+    path.write_text('[web]\ntariff = "a.toml"\n[energy]\ntariff = "b.toml"\n')
+    with pytest.raises(InputError, match="name different files"):
+        load_config(path)
+
+
+def test_a_relative_tariff_lies_next_to_the_file(tmp_path):
+    path = tmp_path / "acqd.toml"
+    path.write_text('[energy]\ntariff = "t.toml"\n')
+    assert load_config(path).energy.tariff == tmp_path / "t.toml"

@@ -76,7 +76,9 @@ def test_a_budget_in_euros_needs_prices_and_uses_them(engine, tmp_path):
 
 
 def test_what_cannot_be_known_is_said(engine):
-    assert "cannot be watched: device 'nobody' has no rows" in standing(engine, per="day", kWh=1.0, device="nobody").text
+    assert (
+        "cannot be watched: device 'nobody' has no rows" in standing(engine, per="day", kWh=1.0, device="nobody").text
+    )
     early = standing(engine, now=NOW - 41.4 * 24 * HOUR, per="week", kWh=1e4)
     assert early.forecast is None and "too little is known" in early.text
 
@@ -112,7 +114,9 @@ def test_a_budget_is_one_alarm_and_another_when_it_is_exceeded(engine):
 def test_budgets_of_the_configuration(engine, tmp_path, monkeypatch):
     monkeypatch.setattr("acqd.cli.alarms.time.time", lambda: NOW)
     (tmp_path / "t.toml").write_text('price = 0.5\nzone = "Europe/Berlin"\n')
-    text = f"[sink]\ndatabase = '{engine.url.database}'\n[energy]\ntariff = 't.toml'\n[[alarms.budgets]]\nper = 'month'\n"
+    text = (
+        f"[sink]\ndatabase = '{engine.url.database}'\n[energy]\ntariff = 't.toml'\n[[alarms.budgets]]\nper = 'month'\n"
+    )
     (tmp_path / "acqd.toml").write_text(f"{text}EUR = 300.0\n")
     done = acqd_here("alarms", "budgets", "--json", "--config", tmp_path / "acqd.toml")
     (found,) = json.loads(done.stdout)

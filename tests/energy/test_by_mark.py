@@ -35,7 +35,9 @@ def shown(at):
 def ask(folder, marks, *more):
     (folder / "marks.csv").write_text("time,part\n" + "".join(f"{shown(at)},{name}\n" for at, name in marks))
     span = ("--zone", "UTC", "--from", "2026-11-23T06:00", "--to", "2026-11-23T06:30", "--device", "cell1")
-    return acqd_here("energy", "--database", folder / "p.sqlite", "--by", "part", "--marks", folder / "marks.csv", *span, *more)
+    return acqd_here(
+        "energy", "--database", folder / "p.sqlite", "--by", "part", "--marks", folder / "marks.csv", *span, *more
+    )
 
 
 def test_parts_add_up_to_the_register_and_a_gap_over_a_mark_belongs_to_none(works):
@@ -46,7 +48,9 @@ def test_parts_add_up_to_the_register_and_a_gap_over_a_mark_belongs_to_none(work
     assert [values[name]["visits"] for name in ("gear", "shaft", None)] == [2, 2, 2]
     assert values["gear"]["kWh"] == pytest.approx((201 + 100) / 1000)  # a row belongs to where its window begins
     assert values["shaft"]["kWh"] == pytest.approx((199 + 299) / 1000) and device["over_gaps_nWh"] > 0
-    assert values["shaft"]["missing_s"] == pytest.approx(50, abs=2) and values["gear"]["missing_s"] == pytest.approx(50, abs=2)
+    assert values["shaft"]["missing_s"] == pytest.approx(50, abs=2) and values["gear"]["missing_s"] == pytest.approx(
+        50, abs=2
+    )
     total = sum(each["nWh"] for each in values.values()) + device["over_gaps_nWh"] + device["register_set_nWh"]
     assert total == device["register_nWh"] and device["register_set_nWh"] == 0 and device["rows"] == 1700
     table = list(csv.DictReader((works / "p.csv").read_text().splitlines()))
@@ -55,7 +59,8 @@ def test_parts_add_up_to_the_register_and_a_gap_over_a_mark_belongs_to_none(work
 
 def test_a_gap_within_a_part_belongs_to_it_and_prices_are_those_of_the_time(works, tmp_path):
     (tmp_path / "t.toml").write_text(
-        'zone = "UTC"\n[[time_of_use]]\nprice = 0.1\nhours = "00:00-06:15"\n[[time_of_use]]\nprice = 0.3\nhours = "06:15-24:00"\n'
+        'zone = "UTC"\n[[time_of_use]]\nprice = 0.1\nhours = "00:00-06:15"\n'
+        '[[time_of_use]]\nprice = 0.3\nhours = "06:15-24:00"\n'
     )
     done = ask(works, [(0, "gear")], "--json", "--tariff", tmp_path / "t.toml")
     (device,) = json.loads(done.stdout)["devices"]

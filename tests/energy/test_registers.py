@@ -160,3 +160,14 @@ def test_two_daemons_under_one_name_invent_no_energy(tmp_path):
     assert exact(device) and device["register_set_nWh"] == pytest.approx(95e12, rel=0.001)
     assert device["total"]["kWh"] <= 1800.0 * 600 / 3.6e6 + 1e-9
     assert any("two daemons" in remark or "exchanged or set" in remark for remark in device["remarks"])
+
+
+def test_the_tariff_of_the_configuration_is_used(quarters, tmp_path):
+    (tmp_path / "t.toml").write_text('price = 0.1\nzone = "Europe/Berlin"\n')
+    (tmp_path / "acqd.toml").write_text(f"[sink]\ndatabase = '{quarters}'\n[energy]\ntariff = 't.toml'\n")
+    words = ("--from", "2026-10-05", "--to", "2026-10-06", "--json")
+    done = acqd_here("energy", "--config", tmp_path / "acqd.toml", *words)
+    total = json.loads(done.stdout)["total"]
+    assert total["kWh"] == pytest.approx(120) and total["EUR"] == pytest.approx(12)
+    without = json.loads(acqd_here("energy", "--database", quarters, "--zone", "Europe/Berlin", *words).stdout)
+    assert without["total"]["EUR"] is None

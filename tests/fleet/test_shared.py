@@ -54,6 +54,20 @@ def test_numbers_are_words_that_a_person_reads(tmp_path):
     )
 
 
+def test_a_price_says_what_a_cause_costs_a_year(tmp_path):
+    fleet, _ = hall(tmp_path)
+    rows = judged([screened("a", 1e-9)], fleet.settings)
+    named = cause("a", "payload")
+    named["cause"]["effects"][0]["a_year"] = {"kWh": 100.0, "kWh_ci95": [80.0, 120.0], "EUR": None, "EUR_ci95": None}
+    (row,) = report_of(fleet, rows, {"a": named}, 0.25).robots
+    assert words.a_year(row) == "100 kWh (80.0 to 120), 25.0 EUR" and row["effects"][0]["a_year"]["EUR_ci95"] == [
+        20,
+        30,
+    ]
+    (row,) = report_of(fleet, rows, {"a": named}).robots
+    assert words.a_year(row) == "100 kWh (80.0 to 120)"
+
+
 def test_the_largest_power_of_a_peak_stands_for_its_size():
     peak = {
         "power 0-20 ms": {"value": -2.0, "unit": "W"}, "power 20-60 ms": {"value": 259.0, "unit": "W"},

@@ -33,12 +33,12 @@ NOW = unix("2026-11-26T12:00")
 
 @pytest.fixture(scope="module")
 def plant(tmp_path_factory):
-    """Four devices from 15 October: 1 kW, of cell-2 2 kW in the last week; cell-3 has a gap, cell-4 ends."""
+    """Four devices from 28 October: 1 kW, of cell-2 2 kW in the last week; cell-3 has a gap, cell-4 ends."""
     folder = tmp_path_factory.mktemp("plant")
     rows = []
     for k in range(1, 5):
         W = 0.0
-        for start in range(unix("2026-10-15"), NOW, 900):
+        for start in range(unix("2026-10-28"), NOW, 900):
             P = 2000.0 if k == 2 and start >= unix("2026-11-19") else 1000.0
             W += P / 4000
             gap = k == 3 and unix("2026-11-20T22:00") <= start < unix("2026-11-21T06:00")
@@ -154,7 +154,12 @@ def test_a_month_is_printed_with_what_is_missing(plant, fleet, ask):
     assert "50.00 EUR" in page  # 10 EUR for each kW of the highest quarter hours: 1 + 2 + 1 + 1 kW
     default = json.loads(ask("month").stdout)
     assert default["month"] == "2026-10" and default["page"] == "plant-2026-10.html"
-    for month, why in (("2026-1", "like 2026-10"), ("2027-01", "not begun"), ("2026-13", "expected"), ("2026-08", "no device")):
+    for month, why in (
+        ("2026-1", "like 2026-10"),
+        ("2027-01", "not begun"),
+        ("2026-13", "expected"),
+        ("2026-08", "no device"),
+    ):
         assert why in refused(ask("month", "--month", month, "--config", plant / "bare.toml"))
 
 
@@ -179,20 +184,24 @@ def test_any_status_is_read(payload):
     assert len(inventory(heard)) == 2
 
 
+def sorted_by_keyboard(page):
+    page.focus("th:has-text('kWh a day') button")
+    page.keyboard.press("Enter")
+    page.keyboard.press("Enter")
+    assert page.locator("tbody th").all_inner_texts() == ["cell-2", "cell-1", "cell-3", "cell-4"]
+    page.fill("input[type=search]", "viscous")
+    assert page.locator("tbody tr:visible").count() == 1 and "1 rows" in page.inner_text("label.filter")
+
+
 @pytest.mark.browser
 def test_the_pages_are_accessible_sorted_by_keyboard_and_fit_a_phone(plant, fleet, ask):
     ask("page", "--no-broker", "--fleet", fleet, "--out", plant / "seen.html")
     ask("month", "--month", "2026-11", "--fleet", fleet, "--out", plant / "seen-month.html")
     with chromium() as browser:
         for view in looks(browser):
-            for name in ("seen.html", "seen-month.html"):
-                view.goto((plant / name).as_uri())
+            view.goto((plant / "seen.html").as_uri())
+            assert serious_findings(view) == [] and view.errors == []
+            if view.rules is None:  # the other looks are those of every report
+                sorted_by_keyboard(view)
+                view.goto((plant / "seen-month.html").as_uri())
                 assert serious_findings(view) == [] and view.errors == []
-        page = next(looks(browser))
-        page.goto((plant / "seen.html").as_uri())
-        page.focus("th:has-text('kWh a day') button")
-        page.keyboard.press("Enter")
-        page.keyboard.press("Enter")
-        assert page.locator("tbody th").all_inner_texts() == ["cell-2", "cell-1", "cell-3", "cell-4"]
-        page.fill("input[type=search]", "viscous")
-        assert page.locator("tbody tr:visible").count() == 1 and "1 rows" in page.inner_text("label.filter")

@@ -85,7 +85,9 @@ def test_what_was_read_is_not_read_again_and_new_rows_are_seen(tmp_path):
             return read_buckets(connection, "cell1", "L1", 60, T0, T0 + 540, kept)[0]
 
     assert len(read(kept).rows) == 8
-    Writer(engine).write([message(one) for one in rows[960:]])
+    Writer(engine).write([message(one) for one in rows[960:980]])
+    assert read(kept).rows.tolist() == [120] * 8 + [20]  # the newest bucket is not full, though alone
+    Writer(engine).write([message(one) for one in rows[980:]])
     again, whole = read(kept), read()
     assert again.W == whole.W and again.rows.tolist() == whole.rows.tolist() == [120] * 8 + [40]
     assert whole.P.tolist() == [60 * (2 * k + 1) - 0.5 for k in range(8)] + [979.5]

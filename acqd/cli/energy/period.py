@@ -35,8 +35,12 @@ def energy(
     to: Annotated[str | None, typer.Option(help="End in local time, not included (default: now).")] = None,
     last: Annotated[str | None, typer.Option(help="Last complete day, week, month or year.")] = None,
     this: Annotated[str | None, typer.Option(help="Running day, week, month or year.")] = None,
-    by: Annotated[str, typer.Option(help="hour, day, week, month, shift, total; with --marks: part, program, step, state.")] = "day",
-    tariff: Annotated[Path | None, typer.Option(help="TOML file with prices (docs/energy.md; default: [energy] tariff).")] = None,
+    by: Annotated[
+        str, typer.Option(help="hour, day, week, month, shift, total; with --marks: part, program, step, state.")
+    ] = "day",
+    tariff: Annotated[
+        Path | None, typer.Option(help="TOML file with prices (docs/energy.md; default: the configuration's).")
+    ] = None,
     zone: Annotated[
         str | None, typer.Option(help="Zone of local time (default: the tariff's, this computer's).")
     ] = None,
@@ -114,9 +118,7 @@ def _statement(
 
     split = next((each for each in SPLITS if each == by), None)
     if by in ("cycle", "program", "step", "part", "state"):
-        raise UserError(
-            f"--by {by} needs to know which: --marks FILE.csv (docs/energy.md), or the robot's logs, acqd energy work DS"
-        )
+        raise UserError(f"--by {by} needs --marks FILE.csv (docs/energy.md), or the robot's logs: acqd energy work DS")
     if split is None:
         raise UserError(f"--by {by!r}: expected {', '.join(SPLITS)}")
     path, zone, shifts = rules

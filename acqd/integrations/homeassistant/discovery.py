@@ -8,8 +8,8 @@ from typing import Any
 
 import orjson
 
-from acqd.integrations.daemons import Daemons
 from acqd.energy.running import Running
+from acqd.integrations.daemons import Daemons
 from acqd.integrations.homeassistant.costs import Costs
 from acqd.integrations.homeassistant.entities import (
     COSTS,

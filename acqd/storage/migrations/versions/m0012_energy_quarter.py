@@ -28,10 +28,11 @@ def upgrade() -> None:
         sa.Column("tariff", sa.Text, nullable=False),
         sa.PrimaryKeyConstraint("device", "start"),
     )
-    op.execute(
-        f'CREATE VIEW v_energy_quarter AS SELECT {_START[kind]} AS "time", device, "start", "kWh", "EUR", missing_s,'
-        " tariff FROM energy_quarter"
-    )
+    columns: list[sa.ColumnClause[Any]] = [
+        sa.column(each) for each in ("device", "start", "kWh", "EUR", "missing_s", "tariff")
+    ]
+    query = sa.select(sa.literal_column(_START[kind]).label("time"), *columns).select_from(sa.table("energy_quarter"))
+    op.execute(sa.text(f"CREATE VIEW v_energy_quarter AS {query.compile(op.get_bind())}"))
 
 
 def downgrade() -> None:
