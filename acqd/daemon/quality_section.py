@@ -22,9 +22,11 @@ class QualitySection(Section):
     flicker: bool = False
     interharmonic_groups: bool = False
     harmonic_powers: bool = False
+    lines: bool = False
+    bands: bool = False
     signalling_hz: Annotated[float, Field(ge=110, le=2_450)] | None = None
     """Carrier of mains signalling."""
 
     def options(self) -> Options:
         """What is measured of each interval."""
-        return Options(self.interharmonic_groups, self.signalling_hz, self.harmonic_powers)
+        return Options(self.interharmonic_groups, self.signalling_hz, self.harmonic_powers, self.lines, self.bands)

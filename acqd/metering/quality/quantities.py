@@ -9,6 +9,7 @@ import numpy as np
 from acqd.arrays import Floats
 from acqd.metering.power import effective
 from acqd.metering.quality.apparent import arithmetic_apparent, effective_apparent
+from acqd.metering.quality.bands import bands, low_lines
 from acqd.metering.quality.components import Phasors, rotation, symmetrical, unbalance_of
 from acqd.metering.quality.cycles import MIN_PURITY
 from acqd.metering.quality.event_flags import INTERRUPTION, event_flags
@@ -37,6 +38,10 @@ class Options:
     """Carrier of mains signalling."""
     harmonic_powers: bool = False
     """Angles of voltage and current and the active power of each harmonic."""
+    lines: bool = False
+    """Each line of 5 Hz up to 100 Hz."""
+    bands: bool = False
+    """Bands of 200 Hz and of 1 kHz from 2 to 9 kHz."""
 
 
 DEFAULT = Options()
@@ -147,6 +152,12 @@ def _groups(lines: Lines, interval: Interval, options: Options) -> dict[str, Flo
     if options.interharmonic_groups:
         lists["ig"] = interharmonic_groups(line_squares(lines, interval.cycles))
         lists["ig"][:, known:] = np.nan
+    if options.lines:
+        lists["lines"] = low_lines(lines)
+    if options.bands:
+        lists["bands"], lists["bands_1k"] = bands(
+            interval.x, interval.start, interval.length, interval.cycles, interval.f
+        )
     if options.harmonic_powers:
         lists["h_angle"], power = harmonic_powers(lines, interval.cycles, known)
     phase = {

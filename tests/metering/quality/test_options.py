@@ -44,6 +44,31 @@ def test_interharmonic_groups_hold_every_line_between_harmonics():
     assert phase["V_ih"][0, 2] == pytest.approx(2.3, abs=2e-3)  # the subgroup leaves out the neighbours of harmonics
 
 
+def test_lines_up_to_100_hz_and_bands_from_2_khz_hold_what_is_there():
+    parts = ((20.0, 0.8), (85.0, 0.5), (2_005.0, 0.2), (2_200.0, 0.4), (2_205.0, 0.3), (4_250.0, 0.6), (7_990.0, 0.1))
+    x = voltage(*parts) + 0.25
+    phase = measured(x, lines=True, bands=True).phase
+    lines = [independent(x[:, 0], 5 * k, 5 * k) for k in range(1, 21)]
+    assert phase["V_lines"].shape == (1, 21) and phase["V_lines"][0, 1:] == pytest.approx(lines, abs=0.03)  # f is 0.4 mHz off beside them
+    assert phase["V_lines"][0, 0] == pytest.approx(0.25, abs=0.03)
+    for name, width, known in (("bands", 200, 30), ("bands_1k", 1_000, 6)):
+        edges = np.arange(2_000, 2_000 + width * known, width)
+        expected = [independent(x[:, 0], edge + 5, edge + width) for edge in edges]
+        assert phase[f"V_{name}"][0, :known] == pytest.approx(expected, abs=2e-3)
+        assert np.isnan(phase[f"V_{name}"][0, known:]).all() and len(phase[f"V_{name}"][0]) == 7_000 / width
+    assert phase["I_bands"][0, 11] == pytest.approx(0.006, abs=2e-5)
+    (row, *_) = quality_rows(measured(x, lines=True, bands=True), "cell1", "boot1", 0)
+    assert row.V_bands[0] == pytest.approx(np.hypot(0.2, 0.4), abs=1e-3) and row.V_bands[30] is None
+
+
+@pytest.mark.parametrize("f", [42.6, 57.4])
+def test_the_fundamental_does_not_leak_into_the_bands(f):
+    u = 325 * np.cos(2 * np.pi * f * T) + 0.5 * np.sqrt(2) * np.cos(2 * np.pi * 5_100 * T)
+    phase = measured(np.column_stack((u, u)), bands=True).phase
+    assert phase["V_bands"][0, 15] == pytest.approx(0.5, rel=0.02)
+    assert np.nanmax(np.delete(phase["V_bands"][0], [14, 15, 16])) < 0.02
+
+
 def test_harmonics_have_angles_and_powers_with_direction():
     """H5 flows in and H7 out, H9 is of the voltage alone, H11 is weak beside an interharmonic; U1 begins at 100 deg."""
     turn = 2 * np.pi * F * T + np.radians(100)
@@ -80,7 +105,7 @@ def test_mains_signalling_is_measured_from_the_four_nearest_lines(carrier, share
 
 def test_without_a_word_neither_is_measured():
     phase = measured(voltage()).phase
-    assert not {"V_ms", "V_ig", "V_h_angle", "P_h"} & set(phase)
+    assert not {"V_ms", "V_ig", "V_h_angle", "P_h", "V_lines", "V_bands"} & set(phase)
 
 
 def test_flicker_of_a_running_stream_is_a_row_of_each_phase():
