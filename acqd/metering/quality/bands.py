@@ -14,6 +14,7 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.metering.quality.resample import STOPBAND, WIDE, resampled
+from acqd.metering.quality.response import IDEAL, Responses, without
 from acqd.metering.quality.spectrum import Lines, smooth_points
 
 HIGHEST_LINE_Hz = 100.0
@@ -30,7 +31,9 @@ def low_lines(lines: Lines) -> Floats:
     return np.abs(lines[:, :LINES])
 
 
-def bands(x: Floats, start: float, length: float, cycles: int, f: float) -> tuple[Floats, Floats]:
+def bands(
+    x: Floats, start: float, length: float, cycles: int, f: float, responses: Responses = IDEAL
+) -> tuple[Floats, Floats]:
     """RMS values [channels, 35] of bands of 200 Hz and [channels, 7] of 1 kHz from 2 to 9 kHz, squares of lines added.
 
     Of the interval [start, start + length) samples of `x` [channels, samples] with mains of `f` [Hz]. A band holds the
@@ -40,7 +43,7 @@ def bands(x: Floats, start: float, length: float, cycles: int, f: float) -> tupl
     rate = per_cycle * f
     points = cycles * smooth_points(math.ceil((STOPBAND + WIDE.passband) * per_cycle) + 2)
     even = resampled(x, start, length / points, points)
-    lines = np.fft.rfft(even, axis=1) * (np.sqrt(2) / points)
+    lines = without(responses, np.fft.rfft(even, axis=1) * (np.sqrt(2) / points), f / cycles)
     squares = lines.real * lines.real + lines.imag * lines.imag
     at = np.arange(squares.shape[1]) * (f / cycles)
     return tuple(_grouped(squares, at, width, WIDE.passband * rate) for width in (NARROW_Hz, BROAD_Hz))

@@ -16,6 +16,7 @@ from acqd.metering.quality.event_flags import INTERRUPTION, event_flags
 from acqd.metering.quality.harmonic_power import harmonic_powers
 from acqd.metering.quality.integrals import HalfCycleIntegrals, half_cycle_integrals
 from acqd.metering.quality.intervals import Interval
+from acqd.metering.quality.response import IDEAL, Responses, without
 from acqd.metering.quality.spectrum import (
     Lines,
     groups,
@@ -42,6 +43,8 @@ class Options:
     """Each line of 5 Hz up to 100 Hz."""
     bands: bool = False
     """Bands of 200 Hz and of 1 kHz from 2 to 9 kHz."""
+    responses: Responses = IDEAL
+    """Of the transformers; taken out of all that comes from a spectrum."""
 
 
 DEFAULT = Options()
@@ -60,6 +63,7 @@ def measure(interval: Interval, declared: float, options: Options = DEFAULT) -> 
     """Quantities of `interval`; `declared` voltage [V], for the flags of events."""
     integrals = _integrals(interval)
     lines = spectrum(interval.x, interval.start, interval.length, interval.cycles)
+    lines = without(options.responses, lines, interval.f / interval.cycles)
     phase = _waveform_values(integrals) | _fundamental(lines, interval.cycles) | _groups(lines, interval, options)
     if options.signalling_Hz is not None:
         phase["V_ms"] = signalling(lines[0::2], interval.f / interval.cycles, options.signalling_Hz)
@@ -156,7 +160,7 @@ def _groups(lines: Lines, interval: Interval, options: Options) -> dict[str, Flo
         lists["lines"] = low_lines(lines)
     if options.bands:
         lists["bands"], lists["bands_1k"] = bands(
-            interval.x, interval.start, interval.length, interval.cycles, interval.f
+            interval.x, interval.start, interval.length, interval.cycles, interval.f, options.responses
         )
     if options.harmonic_powers:
         lists["h_angle"], power = harmonic_powers(lines, interval.cycles, known)

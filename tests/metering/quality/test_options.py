@@ -9,6 +9,7 @@ from acqd.conformance.flicker_tables import RECTANGULAR, rectangular
 from acqd.metering import SampleBlock, StreamFormat
 from acqd.metering.quality.flicker_values import FlickerValues, lamp_of
 from acqd.metering.quality.quantities import Options
+from acqd.metering.quality.response import Response
 from acqd.telemetry.quality_row import quality_rows
 from tests.metering.quality.waves import metered, of_kind
 
@@ -49,7 +50,9 @@ def test_lines_up_to_100_hz_and_bands_from_2_khz_hold_what_is_there():
     x = voltage(*parts) + 0.25
     phase = measured(x, lines=True, bands=True).phase
     lines = [independent(x[:, 0], 5 * k, 5 * k) for k in range(1, 21)]
-    assert phase["V_lines"].shape == (1, 21) and phase["V_lines"][0, 1:] == pytest.approx(lines, abs=0.03)  # f is 0.4 mHz off beside them
+    assert phase["V_lines"].shape == (1, 21) and phase["V_lines"][0, 1:] == pytest.approx(
+        lines, abs=0.03
+    )  # f is 0.4 mHz off beside them
     assert phase["V_lines"][0, 0] == pytest.approx(0.25, abs=0.03)
     for name, width, known in (("bands", 200, 30), ("bands_1k", 1_000, 6)):
         edges = np.arange(2_000, 2_000 + width * known, width)
@@ -59,6 +62,30 @@ def test_lines_up_to_100_hz_and_bands_from_2_khz_hold_what_is_there():
     assert phase["I_bands"][0, 11] == pytest.approx(0.006, abs=2e-5)
     (row, *_) = quality_rows(measured(x, lines=True, bands=True), "cell1", "boot1", 0)
     assert row.V_bands[0] == pytest.approx(np.hypot(0.2, 0.4), abs=1e-3) and row.V_bands[30] is None
+
+
+def test_the_response_of_transformers_is_taken_out_of_the_spectrum():
+    """Voltage transformers of a resonance at 2.5 kHz, current transformers that lose what is fast."""
+    u, i = (
+        Response((50.0, 450.0, 6_000.0), (1.0, 0.8, 2.0), (0.0, -20.0, -90.0)),
+        Response((50, 450), (1, 0.5), (0, 30)),
+    )
+
+    def part(hertz, size, degrees, response=None):
+        factor = 1 if response is None else complex(response.at(hertz))
+        return size * np.sqrt(2) * abs(factor) * np.cos(2 * np.pi * hertz * T + np.radians(degrees) + np.angle(factor))
+
+    true_u, true_i = (
+        ((50.0, 230.0, 0.0), (250.0, 10.0, 40.0), (3_300.0, 0.4, 0.0)),
+        ((50.0, 5.0, -20.0), (250.0, 2.0, 10.0)),
+    )
+    x = np.column_stack([sum(part(*one, how) for one in parts) for parts, how in ((true_u, u), (true_i, i))])
+    one = measured(x, harmonic_powers=True, bands=True, responses=(u, i)).phase
+    assert one["V_h"][0, 4] == pytest.approx(10.0, rel=1e-3) and one["I_h"][0, 4] == pytest.approx(2.0, rel=1e-3)
+    assert one["V_bands"][0, 6] == pytest.approx(0.4, rel=0.01)
+    assert one["P_h"][0, 4] == pytest.approx(20 * np.cos(np.radians(30)), rel=1e-3)
+    assert one["V1"][0] == pytest.approx(230, rel=1e-4) and one["Irms"][0] < 5.3
+    assert measured(x).phase["V_h"][0, 4] == pytest.approx(9.0, rel=1e-3)
 
 
 @pytest.mark.parametrize("f", [42.6, 57.4])
