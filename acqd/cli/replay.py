@@ -20,6 +20,7 @@ from acqd.cli.terminal import terminal
 from acqd.daemon.events.of_recording import event_settings
 from acqd.daemon.playback import Playback, play
 from acqd.daemon.playback_report import PlaybackReport
+from acqd.daemon.quality_section import QualitySection
 from acqd.errors import UserError
 from acqd.report.digits import quantity
 from acqd.sources import ChannelMap
@@ -67,6 +68,10 @@ def replay(
     quality: Annotated[Path | None, typer.Option(help="Write power quality as JSON lines (docs/quality.md).")] = None,
     harmonic_powers: Annotated[
         bool, typer.Option("--harmonic-powers", help="With --quality: angles and active powers of the harmonics.")
+    ] = False,
+    lines: Annotated[bool, typer.Option("--lines", help="With --quality: each line of 5 Hz up to 100 Hz.")] = False,
+    bands: Annotated[
+        bool, typer.Option("--bands", help="With --quality: bands of 200 Hz and 1 kHz from 2 to 9 kHz.")
     ] = False,
     events: Annotated[Path | None, typer.Option(help="Write dips, swells, interruptions as JSON lines.")] = None,
     declared_voltage: Annotated[
@@ -135,8 +140,7 @@ def replay(
     if inspect:
         print_inspected([inspected(load_recording(path, channels), channels)[0] for path in files], json=json)
         return
-    if harmonic_powers and quality is None:
-        raise UserError("--harmonic-powers belongs to rows of power quality; give --quality FILE too")
+    details = _quality_section(quality, harmonic_powers=harmonic_powers, lines=lines, bands=bands)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # an exception, so that the clean-up runs
     signal.signal(signal.SIGHUP, lambda *_: sys.exit(129))
     settings = Playback(
@@ -152,7 +156,7 @@ def replay(
         out=out,
         aggregate=aggregate,
         quality=quality,
-        harmonic_powers=harmonic_powers,
+        quality_section=details,
         events=event_settings(events, declared_voltage, thresholds, line_to_line=line_to_line),
         flicker=flicker,
         phasors=phasors,
@@ -219,3 +223,11 @@ def _print(report: PlaybackReport) -> None:
         + (f"; {report.events} events" if report.events else "")
     )
     sys.stdout.flush()
+
+
+def _quality_section(quality: Path | None, **details: bool) -> QualitySection:
+    """What rows of power quality hold besides the usual. Raises UserError where there are no such rows."""
+    for name, wanted in details.items():
+        if wanted and quality is None:
+            raise UserError(f"--{name.replace('_', '-')} belongs to rows of power quality; give --quality FILE too")
+    return QualitySection(**details)

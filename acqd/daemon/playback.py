@@ -53,7 +53,7 @@ class Playback:
     out: Path | None
     aggregate: Path | None
     quality: Path | None
-    harmonic_powers: bool
+    quality_section: QualitySection
     events: EventSettings | None
     flicker: Path | None
     phasors: Path | None
@@ -132,10 +132,7 @@ class _Run:
         self.values_out: BinaryIO | None = None
         self.quality_out: BinaryIO | None = None
         self._quality = QualityFeed(
-            QualitySection(harmonic_powers=settings.harmonic_powers),
-            settings.device,
-            settings.nominal_voltage,
-            lambda: self._boot,
+            settings.quality_section, settings.device, settings.nominal_voltage, lambda: self._boot
         )
         self.events_out: BinaryIO | None = None
         self._events: EventWriter | None = None

@@ -12,6 +12,7 @@ from acqd.metering import SampleBlock, StreamFormat
 from acqd.metering.quality.flicker_values import FlickerValues
 from acqd.metering.quality.meter import QualityMeter
 from acqd.metering.quality.quantities import OFF_NOMINAL
+from acqd.metering.quality.response import IDEAL, Responses
 from acqd.telemetry.quality_row import QualityRow, from_kind, quality_rows
 
 _log = logging.getLogger(__name__)
@@ -25,8 +26,18 @@ UNDEFINED = "power quality, events and flicker are defined for 50 and 60 Hz (IEC
 class QualityFeed:
     """One stream; `take` is called in MAIN_SLOW with every block, before or after its windows are metered."""
 
-    def __init__(self, section: QualitySection, device: str, declared_voltage: float, boot: Callable[[], str]) -> None:
-        """`boot` names the boot of the rows; `declared_voltage` [V] is that of the flags dip and swell."""
+    def __init__(
+        self,
+        section: QualitySection,
+        device: str,
+        declared_voltage: float,
+        boot: Callable[[], str],
+        responses: Callable[[StreamFormat], Responses] = lambda _: IDEAL,
+    ) -> None:
+        """`boot` names the boot of the rows; `declared_voltage` [V] is that of the flags dip and swell; `responses`:
+        of the transformers before a stream.
+        """
+        self._responses = responses
         self._kinds, self._section = from_kind(section.interval), section
         self._device, self._declared, self._boot = device, declared_voltage, boot
         self._meter: QualityMeter | None = None
@@ -36,7 +47,9 @@ class QualityFeed:
 
     def open(self, form: StreamFormat) -> None:
         """Begin a stream of this format."""
-        self._meter = QualityMeter(form, declared_voltage=self._declared, options=self._section.options())
+        self._meter = QualityMeter(
+            form, declared_voltage=self._declared, options=self._section.options(self._responses(form))
+        )
         self._flicker = FlickerValues(form, self._declared) if self._section.flicker else None
 
     def take(self, block: SampleBlock) -> list[QualityRow]:

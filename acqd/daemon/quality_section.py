@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from acqd.metering.quality.quantities import Options
+from acqd.metering.quality.response import IDEAL, Responses
 from acqd.section import Section
 
 BridgedQuality = Literal["10/12", "150/180", "10min", "off"]
@@ -22,9 +23,13 @@ class QualitySection(Section):
     flicker: bool = False
     interharmonic_groups: bool = False
     harmonic_powers: bool = False
+    lines: bool = False
+    bands: bool = False
     signalling_hz: Annotated[float, Field(ge=110, le=2_450)] | None = None
     """Carrier of mains signalling."""
 
-    def options(self) -> Options:
-        """What is measured of each interval."""
-        return Options(self.interharmonic_groups, self.signalling_hz, self.harmonic_powers)
+    def options(self, responses: Responses = IDEAL) -> Options:
+        """What is measured of each interval, behind transformers of these responses."""
+        return Options(
+            self.interharmonic_groups, self.signalling_hz, self.harmonic_powers, self.lines, self.bands, responses
+        )

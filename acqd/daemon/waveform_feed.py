@@ -67,7 +67,13 @@ class WaveformFeed:
         self._boot = Boot(boot)
         self._deliver = deliver
         self._quality = (
-            QualityFeed(config.quality, config.device, config.metering.nominal_voltage, lambda: self._boot.name)
+            QualityFeed(
+                config.quality,
+                config.device,
+                config.metering.nominal_voltage,
+                lambda: self._boot.name,
+                source.correction.responses,
+            )
             if deliver_quality is not None and config.quality.enabled
             else None
         )

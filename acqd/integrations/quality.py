@@ -14,8 +14,8 @@ from acqd.telemetry.event import PowerEvent, parse_event
 from acqd.telemetry.quality_row import LISTS, NUMBERS, QualityRow, from_kind, parse_quality
 
 EVENT_KINDS: tuple[EventKind, ...] = get_args(EventKind)
-_LOWEST = {"V_h": 1, "I_h": 1, "V_ih": 0, "I_ih": 0, "V_ig": 0, "I_ig": 0, "V_h_angle": 1, "I_h_angle": 1, "P_h": 1}
-"""Order of the first number of a list."""
+_FROM_1 = frozenset({"V_h", "I_h", "V_h_angle", "I_h_angle", "P_h"})
+"""Lists whose first number is that of the fundamental; the others are numbered from 0 on."""
 _CODES = {"V": "VLT", "A": "AMP", "W": "WTT", "VA": "D46", "var": "D44", "%": "P1", "deg": "DD", "Hz": "HTZ", "": "C62"}
 _UNITS = {name: each.unit for name, each in (PHASE | SYSTEM).items()} | {"f": "Hz", "rocof": "Hz/s"}
 _DIGITS = {"V": 2, "A": 3, "W": 1, "VA": 1, "var": 1, "%": 2, "deg": 2, "Hz": 3, "Hz/s": 4, "": 3, "s": 3}
@@ -51,6 +51,12 @@ LIST_QUANTITIES = (
     _quantity("V_h_angle", "Angles of the harmonics of the voltage, from order 1", "deg"),
     _quantity("I_h_angle", "Angles of the harmonics of the current, from order 1", "deg"),
     _quantity("P_h", "Active powers of the harmonics, from order 1", "W"),
+    _quantity("V_lines", "Lines of the voltage of 5 Hz from 0 to 100 Hz", "V"),
+    _quantity("I_lines", "Lines of the current of 5 Hz from 0 to 100 Hz", "A"),
+    _quantity("V_bands", "Bands of the voltage of 200 Hz from 2 to 9 kHz", "V"),
+    _quantity("I_bands", "Bands of the current of 200 Hz from 2 to 9 kHz", "A"),
+    _quantity("V_bands_1k", "Bands of the voltage of 1 kHz from 2 to 9 kHz", "V"),
+    _quantity("I_bands_1k", "Bands of the current of 1 kHz from 2 to 9 kHz", "A"),
 )
 """Lists of numbers of a row of power quality."""
 EVENT = (
@@ -98,5 +104,5 @@ def level(aggregation: Kind) -> str:
 def orders(row: QualityRow) -> Iterator[tuple[str, int, float | None]]:
     """Name of the list, order, and value of every harmonic and interharmonic."""
     for name in LISTS:
-        for order, value in enumerate(getattr(row, name) or (), _LOWEST[name]):
+        for order, value in enumerate(getattr(row, name) or (), int(name in _FROM_1)):
             yield name, order, value

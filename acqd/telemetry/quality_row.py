@@ -88,6 +88,12 @@ class QualityRow:
     V_h_angle: _List = None
     I_h_angle: _List = None
     P_h: _List = None
+    V_lines: _List = None
+    I_lines: _List = None
+    V_bands: _List = None
+    I_bands: _List = None
+    V_bands_1k: _List = None
+    I_bands_1k: _List = None
     schema: Annotated[int, Meta(ge=SCHEMA, le=SCHEMA)] = SCHEMA
 
     def to_json(self) -> bytes:
@@ -95,9 +101,9 @@ class QualityRow:
         return _encoder.encode(self)
 
 
-LISTS = ("V_h", "I_h", "V_ih", "I_ih", "V_ig", "I_ig", "V_h_angle", "I_h_angle", "P_h")
-"""Fields that hold 50 numbers each."""
 _NAMES = [field.name for field in fields(QualityRow)]
+LISTS = tuple(_NAMES[_NAMES.index("V_h") : _NAMES.index("schema")])
+"""Fields that hold a list of numbers each."""
 NUMBERS = [name for name in _NAMES[_NAMES.index("f") : _NAMES.index("V_h")] if name != "rotation"]
 """Fields that hold one number or None."""
 _encoder = msgspec.json.Encoder()

@@ -16,6 +16,7 @@ from acqd.metering.frequency import FrequencyEstimator
 from acqd.metering.held import HeldFrequency
 from acqd.metering.kernel.compiled import usable_library, why_not
 from acqd.metering.kernel.layout import (
+    APART,
     BEND,
     ENERGY,
     EXPORTED,
@@ -25,7 +26,6 @@ from acqd.metering.kernel.layout import (
     MAGNITUDE,
     NO_TRIAL,
     QUANTITIES,
-    SWELL,
     UNSETTLED,
     F,
     Form,
@@ -138,9 +138,8 @@ class Kernel:
         if not done:
             return None
         rows = rows[:, :done]
-        unsettled = self._held.note_steady(
-            rows[F].tolist(), rows[MAGNITUDE].tolist(), [*map(Cycles, rows[BEND].tolist(), rows[SWELL].tolist())]
-        )
+        cycles = [Cycles(*values) for values in rows[BEND : APART + 1].T.tolist()]
+        unsettled = self._held.note_steady(rows[F].tolist(), rows[MAGNITUDE].tolist(), cycles)
         usable = len(unsettled)
         if usable < done:  # as if the first of the others had not been metered
             ctypes.memmove(self._pointers[1], before, len(before))
@@ -161,8 +160,8 @@ class Kernel:
             if self._state.reason != NO_TRIAL:
                 return None
             self._add(self._state.point)
-        f, mark, magnitude, bend, swell = self._head.tolist()
-        if not self._held.note(f, magnitude, Cycles(bend, swell)):
+        f, mark, magnitude, *cycles = self._head.tolist()
+        if not self._held.note(f, magnitude, Cycles(*cycles)):
             ctypes.memmove(self._pointers[1], before, len(before))
             return None
         self._registers[:] = energy.add_window(self._energies.tolist())

@@ -9,12 +9,14 @@ import numpy as np
 from acqd.arrays import Floats
 from acqd.metering.power import effective
 from acqd.metering.quality.apparent import arithmetic_apparent, effective_apparent
+from acqd.metering.quality.bands import bands, low_lines
 from acqd.metering.quality.components import Phasors, rotation, symmetrical, unbalance_of
 from acqd.metering.quality.cycles import MIN_PURITY
 from acqd.metering.quality.event_flags import INTERRUPTION, event_flags
 from acqd.metering.quality.harmonic_power import harmonic_powers
 from acqd.metering.quality.integrals import HalfCycleIntegrals, half_cycle_integrals
 from acqd.metering.quality.intervals import Interval
+from acqd.metering.quality.response import IDEAL, Responses, without
 from acqd.metering.quality.spectrum import (
     Lines,
     groups,
@@ -37,6 +39,12 @@ class Options:
     """Carrier of mains signalling."""
     harmonic_powers: bool = False
     """Angles of voltage and current and the active power of each harmonic."""
+    lines: bool = False
+    """Each line of 5 Hz up to 100 Hz."""
+    bands: bool = False
+    """Bands of 200 Hz and of 1 kHz from 2 to 9 kHz."""
+    responses: Responses = IDEAL
+    """Of the transformers; taken out of all that comes from a spectrum."""
 
 
 DEFAULT = Options()
@@ -55,6 +63,7 @@ def measure(interval: Interval, declared: float, options: Options = DEFAULT) -> 
     """Quantities of `interval`; `declared` voltage [V], for the flags of events."""
     integrals = _integrals(interval)
     lines = spectrum(interval.x, interval.start, interval.length, interval.cycles)
+    lines = without(options.responses, lines, interval.f / interval.cycles)
     phase = _waveform_values(integrals) | _fundamental(lines, interval.cycles) | _groups(lines, interval, options)
     if options.signalling_Hz is not None:
         phase["V_ms"] = signalling(lines[0::2], interval.f / interval.cycles, options.signalling_Hz)
@@ -147,6 +156,12 @@ def _groups(lines: Lines, interval: Interval, options: Options) -> dict[str, Flo
     if options.interharmonic_groups:
         lists["ig"] = interharmonic_groups(line_squares(lines, interval.cycles))
         lists["ig"][:, known:] = np.nan
+    if options.lines:
+        lists["lines"] = low_lines(lines)
+    if options.bands:
+        lists["bands"], lists["bands_1k"] = bands(
+            interval.x, interval.start, interval.length, interval.cycles, interval.f, options.responses
+        )
     if options.harmonic_powers:
         lists["h_angle"], power = harmonic_powers(lines, interval.cycles, known)
     phase = {

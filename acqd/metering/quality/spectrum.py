@@ -126,7 +126,11 @@ def _points_per_cycle(samples: float) -> int:
 
     Images lie below STOPBAND of the sampling rate; folded, they must end above the 51st harmonic.
     """
-    least = max(128, math.ceil(STOPBAND * samples + ORDERS + 2))
+    return smooth_points(max(128, math.ceil(STOPBAND * samples + ORDERS + 2)))
+
+
+def smooth_points(least: int) -> int:
+    """The first number from `least` on that is a product of powers of 2, 3 and 5: fast for a DFT."""
     while not _smooth(least):
         least += 1
     return least

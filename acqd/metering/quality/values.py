@@ -48,9 +48,16 @@ LISTS: dict[str, Quantity] = {
     "V_h_angle": _DEGREE,
     "I_h_angle": _DEGREE,
     "P_h": _W,
+    "V_lines": _RMS_V,
+    "I_lines": _RMS_A,
+    "V_bands": _RMS_V,
+    "I_bands": _RMS_A,
+    "V_bands_1k": _RMS_V,
+    "I_bands_1k": _RMS_A,
 }
 """Lists of one phase, [phases, 50]: harmonic subgroups 1 .. 50, interharmonic centred subgroups 0 .. 49, interharmonic
-groups 0 .. 49; angles and active powers of harmonics 1 .. 50."""
+groups 0 .. 49; angles and active powers of harmonics 1 .. 50. [phases, 21], [phases, 35], [phases, 7]: lines up to
+100 Hz, bands of 200 Hz and of 1 kHz (`bands`)."""
 
 SYSTEM: dict[str, Quantity] = {
     "Vrms": _RMS_V, "Irms": _RMS_A, "P": _W, "S": _VA, "Se": _VA,

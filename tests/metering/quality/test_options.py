@@ -9,6 +9,7 @@ from acqd.conformance.flicker_tables import RECTANGULAR, rectangular
 from acqd.metering import SampleBlock, StreamFormat
 from acqd.metering.quality.flicker_values import FlickerValues, lamp_of
 from acqd.metering.quality.quantities import Options
+from acqd.metering.quality.response import Response
 from acqd.telemetry.quality_row import quality_rows
 from tests.metering.quality.waves import metered, of_kind
 
@@ -42,6 +43,57 @@ def test_interharmonic_groups_hold_every_line_between_harmonics():
         assert phase["V_ig"][0, n] == pytest.approx(independent(x[:, 0], 50 * n + 5, 50 * n + 45), abs=2e-3)
         assert phase["I_ig"][0, n] == pytest.approx(phase["V_ig"][0, n] / 100, abs=2e-5)
     assert phase["V_ih"][0, 2] == pytest.approx(2.3, abs=2e-3)  # the subgroup leaves out the neighbours of harmonics
+
+
+def test_lines_up_to_100_hz_and_bands_from_2_khz_hold_what_is_there():
+    parts = ((20.0, 0.8), (85.0, 0.5), (2_005.0, 0.2), (2_200.0, 0.4), (2_205.0, 0.3), (4_250.0, 0.6), (7_990.0, 0.1))
+    x = voltage(*parts) + 0.25
+    phase = measured(x, lines=True, bands=True).phase
+    lines = [independent(x[:, 0], 5 * k, 5 * k) for k in range(1, 21)]
+    assert phase["V_lines"].shape == (1, 21) and phase["V_lines"][0, 1:] == pytest.approx(
+        lines, abs=0.03
+    )  # f is 0.4 mHz off beside them
+    assert phase["V_lines"][0, 0] == pytest.approx(0.25, abs=0.03)
+    for name, width, known in (("bands", 200, 30), ("bands_1k", 1_000, 6)):
+        edges = np.arange(2_000, 2_000 + width * known, width)
+        expected = [independent(x[:, 0], edge + 5, edge + width) for edge in edges]
+        assert phase[f"V_{name}"][0, :known] == pytest.approx(expected, abs=2e-3)
+        assert np.isnan(phase[f"V_{name}"][0, known:]).all() and len(phase[f"V_{name}"][0]) == 7_000 / width
+    assert phase["I_bands"][0, 11] == pytest.approx(0.006, abs=2e-5)
+    (row, *_) = quality_rows(measured(x, lines=True, bands=True), "cell1", "boot1", 0)
+    assert row.V_bands[0] == pytest.approx(np.hypot(0.2, 0.4), abs=1e-3) and row.V_bands[30] is None
+
+
+def test_the_response_of_transformers_is_taken_out_of_the_spectrum():
+    """Voltage transformers of a resonance at 2.5 kHz, current transformers that lose what is fast."""
+    u, i = (
+        Response((50.0, 450.0, 6_000.0), (1.0, 0.8, 2.0), (0.0, -20.0, -90.0)),
+        Response((50, 450), (1, 0.5), (0, 30)),
+    )
+
+    def part(hertz, size, degrees, response=None):
+        factor = 1 if response is None else complex(response.at(hertz))
+        return size * np.sqrt(2) * abs(factor) * np.cos(2 * np.pi * hertz * T + np.radians(degrees) + np.angle(factor))
+
+    true_u, true_i = (
+        ((50.0, 230.0, 0.0), (250.0, 10.0, 40.0), (3_300.0, 0.4, 0.0)),
+        ((50.0, 5.0, -20.0), (250.0, 2.0, 10.0)),
+    )
+    x = np.column_stack([sum(part(*one, how) for one in parts) for parts, how in ((true_u, u), (true_i, i))])
+    one = measured(x, harmonic_powers=True, bands=True, responses=(u, i)).phase
+    assert one["V_h"][0, 4] == pytest.approx(10.0, rel=1e-3) and one["I_h"][0, 4] == pytest.approx(2.0, rel=1e-3)
+    assert one["V_bands"][0, 6] == pytest.approx(0.4, rel=0.01)
+    assert one["P_h"][0, 4] == pytest.approx(20 * np.cos(np.radians(30)), rel=1e-3)
+    assert one["V1"][0] == pytest.approx(230, rel=1e-4) and one["Irms"][0] < 5.3
+    assert measured(x).phase["V_h"][0, 4] == pytest.approx(9.0, rel=1e-3)
+
+
+@pytest.mark.parametrize("f", [42.6, 57.4])
+def test_the_fundamental_does_not_leak_into_the_bands(f):
+    u = 325 * np.cos(2 * np.pi * f * T) + 0.5 * np.sqrt(2) * np.cos(2 * np.pi * 5_100 * T)
+    phase = measured(np.column_stack((u, u)), bands=True).phase
+    assert phase["V_bands"][0, 15] == pytest.approx(0.5, rel=0.02)
+    assert np.nanmax(np.delete(phase["V_bands"][0], [14, 15, 16])) < 0.02
 
 
 def test_harmonics_have_angles_and_powers_with_direction():
@@ -80,7 +132,7 @@ def test_mains_signalling_is_measured_from_the_four_nearest_lines(carrier, share
 
 def test_without_a_word_neither_is_measured():
     phase = measured(voltage()).phase
-    assert not {"V_ms", "V_ig", "V_h_angle", "P_h"} & set(phase)
+    assert not {"V_ms", "V_ig", "V_h_angle", "P_h", "V_lines", "V_bands"} & set(phase)
 
 
 def test_flicker_of_a_running_stream_is_a_row_of_each_phase():
