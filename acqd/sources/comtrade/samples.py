@@ -33,7 +33,11 @@ class Samples:
         if present < announced or not present:
             if not present and not announced:
                 raise InputError(path, "has no samples")
-            raise InputError(path, f"is truncated: {present} of {announced} samples")
+            raise InputError(
+                path,
+                f"is truncated: {present} of {announced} samples; transfer it again, or write {present} for "
+                f"{announced} in its header to meter what is there",
+            )
         self.notes = (f"has {present} samples, of which its header announces the first {announced}",) * (
             0 < announced < present
         )
@@ -50,6 +54,11 @@ class Samples:
             return None
         whole: Floats = (ticks - ticks[0]).astype(np.float64) if ticks.dtype.kind == "f" else _unwrapped(ticks)
         return whole * self._header.tick_s
+
+    def numbers(self) -> NDArray[np.int64]:
+        """Numbers of the samples as the data say them."""
+        stored = self._rows["number"] if self._rows.dtype.names else self._rows[:, 0]
+        return np.asarray(np.nan_to_num(stored, nan=0.0, posinf=0.0, neginf=0.0).astype(np.int64))
 
     def column(self, number: int) -> Numbers:
         """Stored numbers of an analog channel. Raises InputError at a missing sample."""
