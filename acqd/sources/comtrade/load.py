@@ -109,7 +109,7 @@ def _other_rate(steps: Floats, step: float, tick_s: float, slack: float = _RATE_
 
 def _nearly(rate: float, other: float | None) -> list[str]:
     said = f"its header says {rate:g} samples/s, the times of its samples {other or rate:.7g}"
-    return [f"{said}: f and W follow the header (--rate)"] if other else []
+    return [f"{said}: f and W follow the header (--rate)"] if rate and other else []
 
 
 def _clock(
@@ -141,8 +141,7 @@ def _clock(
                 "say which is right with --rate",
             )
         return rate, []
-    if rate and len(header.segments) == 1:
-        notes += _nearly(rate, _other_rate(steps, step, header.tick_s, _NOTED))
+    notes += _nearly(rate, _other_rate(steps, step, header.tick_s, _NOTED) if len(header.segments) == 1 else None)
     uneven = np.flatnonzero(np.abs(steps - step) > slack).tolist()
     pauses = [at for at in uneven if rate and step < steps[at] < _LONGEST_PAUSE_S]
     if pauses and len(pauses) > max(len(header.segments), _MOST_PAUSES * len(times)):
