@@ -161,4 +161,5 @@ def stream_format(path: Path, rate: float, scale: list[float], f_nominal: float,
     try:
         return StreamFormat(rate, tuple(scale), f_nominal, bits)
     except ValueError as error:
-        raise InputError(path, str(error)) from None
+        remedy = "; is the unit of its times right (time [ms])? --rate overrules it" if "200 Hz" in str(error) else ""
+        raise InputError(path, f"{error}{remedy}") from None

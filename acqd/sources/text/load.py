@@ -239,7 +239,7 @@ class _Export:
             raise InputError(
                 self.text.path,
                 f"its channels hold whole numbers beside {scaled!r}, as codes of a converter; export volts (GW "
-                "Instek: Detail, not Fast), or say with --u-scale and --i-scale what a code is (vertical scale / 25 there)",
+                "Instek: Detail), or say with --u-scale and --i-scale what a code is (vertical scale / 25)",
             )
 
     def _of_stamps(self, columns: list[int], given: ChannelMap, above: Clock) -> Clock:
