@@ -57,15 +57,11 @@ class EnergyAgreement:
     def _compared(self) -> str:
         if self._exported > 2 * self._imported:
             backwards = self._counted > _ALIKE[0] * self._exported
-            return (
-                "its import rises while P is negative: are import and export, or the sign of P, exchanged" * backwards
-            )
+            return "its import rises while P is negative: are import and export or signs exchanged" if backwards else ""
         if self._exported > 0.1 * self._imported:
             return ""
         if not self._counted:
-            return (
-                "its energy stands still while P is positive: are import and export exchanged, or the register frozen"
-            )
+            return "its energy stands still while P is positive: are import and export exchanged"
         ratio = self._counted / self._imported
         if _ALIKE[0] < ratio < _ALIKE[1]:
             return ""
