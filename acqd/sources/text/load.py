@@ -70,7 +70,9 @@ def _no_table(head: list[str], layout: Layout) -> str:
         return "has a header but no samples"
     known = f" (looks like {layout.title})" if layout.recognise else ""
     advice = f": {layout.advice}" if layout.advice else ""
-    if grouped := next((one[0] for line in head if (one := _THOUSANDS.search(line))), None):
+    separator = next((d for d in ";\t," if d in head[-1]), ",")
+    all_fields = (field for line in head for field in split_row(line, separator))
+    if grouped := next((field for field in all_fields if _THOUSANDS.fullmatch(field)), None):
         return f"has separators of thousands ({grouped}); export numbers without them"
     for number, line in enumerate(head[1:], start=2):
         fields = split_row(line, next((d for d in ";\t," if d in head[0]), ","))
