@@ -16,6 +16,8 @@ from acqd.sources.comtrade.header import AnalogChannel, FileType, Header
 
 Numbers: TypeAlias = NDArray[np.int16 | np.uint16 | np.int32 | np.float32 | np.float64]
 _TYPES: dict[FileType, str] = {"BINARY": "<i2", "BINARY32": "<i4", "FLOAT32": "<f4"}
+_LARGEST = 2**53
+"""A number of a sample beyond it means nothing."""
 _NO_TIME = 0xFFFFFFFF
 _MISSING: dict[FileType, float] = {"BINARY": -(2**15), "BINARY32": -(2**31), "ASCII": 99_999}
 """Numbers that stand for a missing sample since 1999. In 1991, 0xFFFF does, which is also -1."""
@@ -58,7 +60,8 @@ class Samples:
     def numbers(self) -> NDArray[np.int64]:
         """Numbers of the samples as the data say them."""
         stored = self._rows["number"] if self._rows.dtype.names else self._rows[:, 0]
-        return np.asarray(np.nan_to_num(stored, nan=0.0, posinf=0.0, neginf=0.0).astype(np.int64))
+        known = np.nan_to_num(stored, nan=0.0, posinf=0.0, neginf=0.0)
+        return np.asarray(np.clip(known, -_LARGEST, _LARGEST).astype(np.int64))
 
     def column(self, number: int) -> Numbers:
         """Stored numbers of an analog channel. Raises InputError at a missing sample."""

@@ -28,6 +28,8 @@ _RANGE = 1.9
 """Times the voltage: with an earth fault healthy phases rise by sqrt(3), and no more for long."""
 _AROUND = 3
 """Cycles before and after a jump that are compared."""
+_POINTS = 40
+"""Samples of a cycle that its phasor is made of, at least."""
 _SHOWN = 3
 Breaks = Sequence[tuple[int, int]]
 
@@ -39,8 +41,10 @@ def held(x: Codes, least: int) -> list[tuple[int, int]]:
     """
     step = max(1, least // 2)
     few = x[::step]
-    candidates = np.flatnonzero(few[1:] == few[:-1])
-    if not len(candidates) or len(candidates) == len(few) - 1:
+    equal = few[1:] == few[:-1]
+    equal &= x[step // 2 :: step][: len(equal)] == few[:-1]
+    candidates = np.flatnonzero(equal)
+    if not len(candidates) or len(candidates) == len(equal):
         return []
     peak = max(float(x.max()), -float(x.min()))
     found: list[tuple[int, int]] = []
@@ -70,12 +74,13 @@ def remarks(codes: Codes, form: StreamFormat, breaks: Breaks) -> tuple[str, ...]
 def _lines(volts: Codes, cycle: int) -> NDArray[np.complex128]:
     """Phasors [cycles, phases] of consecutive pieces of `cycle` samples, in codes."""
     size = len(volts) // cycle
-    angle = 2 * np.pi / cycle * np.arange(cycle)
+    step = max(1, cycle // _POINTS)
+    angle = 2 * np.pi / cycle * np.arange(0, cycle, step)
     result = np.empty((size, volts.shape[1]), dtype=np.complex128)
     for k in range(volts.shape[1]):
-        pieces = volts[: size * cycle, k].reshape(size, cycle).astype(np.float32)
+        pieces = volts[: size * cycle, k].reshape(size, cycle)[:, ::step].astype(np.float32)
         turned = np.einsum("ij,jk->ik", pieces, np.stack((np.cos(angle), -np.sin(angle)), 1).astype(np.float32))
-        result[:, k] = np.sqrt(2) / cycle * (turned[:, 0] + 1j * turned[:, 1])
+        result[:, k] = np.sqrt(2) / len(angle) * (turned[:, 0] + 1j * turned[:, 1])
     return result
 
 

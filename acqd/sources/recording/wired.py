@@ -28,6 +28,8 @@ def wired(waveform: Waveform) -> Wired:
         return Wired()
     mean = Phasors(np.mean([one.U for one in looks], axis=0), np.mean([one.I for one in looks], axis=0))
     findings = tuple(examine(mean))
+    if not findings:
+        return Wired(mean)
     agreeing = sum(_mistakes(examine(one)) == _mistakes(findings) for one in looks)
     return Wired(mean, findings if agreeing >= _AGREEING * len(looks) else ())
 
