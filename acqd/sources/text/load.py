@@ -29,6 +29,7 @@ _EVEN = 0.01
 """Of a step: how far the steps of a column without a name may be from each other to be those of times."""
 _TIME_STEPS_S = (1e-8, 5e-3)
 _THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:([.,' ])\d{3})+(?!\1)[.,]\d+")
+_MOST_CODE = 2**24
 _CODE_SCALE = re.compile(r"verticalscale|voltsdiv|voltsperdiv|vertscale|vscale")
 """Lines of oscilloscopes that say V for a division: beside whole numbers these are codes of the converter."""
 _INDEX = ("sequence", "index", "sample", "samples", "no", "nr", "n", "point", "points", "number", "xindex")
@@ -237,7 +238,10 @@ class _Export:
         if not scaled or not needed or given.u_scale is not None or given.i_scale is not None:
             return
         columns = [self.values[k] for k in needed]
-        if all((one == np.rint(one)).all() and np.gcd.reduce(one.astype(np.int64)) == 1 for one in columns):
+        if all(
+            (one == np.rint(one)).all() and np.abs(one).max() < _MOST_CODE and np.gcd.reduce(one.astype(np.int64)) == 1
+            for one in columns
+        ):
             raise InputError(
                 self.text.path,
                 f"its channels hold whole numbers beside {scaled!r}, as codes of a converter; export volts (GW "
@@ -260,7 +264,9 @@ class _Export:
         try:
             said = of_times(self.text.path, seconds, quantum, given, self.table.first + 1)
         except InputError:
-            if above.rate is None:
+            period = 1 / above.rate if above.rate else 0.0
+            lasts = float(seconds[-1] - seconds[0]) - (len(seconds) - 1) * period
+            if not period or quantum < period or abs(lasts) > 2 * quantum:  # rows are missing, or the rate is wrong
                 raise
             return Clock(above.rate, start, (*notes, "its stamps are coarse: the rate above the table counts"))
         return Clock(said.rate, start, notes)

@@ -199,3 +199,10 @@ def test_times_without_a_name_and_names_with_their_unit_are_understood(tmp_path)
 def test_what_a_table_cannot_mean_is_refused_with_the_reason(tmp_path, head, rows, said):
     with pytest.raises(InputError, match=said):
         load_waveform(written(tmp_path, head, rows))
+
+
+def test_stamps_that_leave_rows_out_are_not_overruled_by_a_rate_above_them(tmp_path):
+    stamps = [f"2024-03-01T10:00:{t + (0.5 if t > 0.1 else 0):09.6f}" for t in T]
+    rows = [f"{stamp},{row.partition(',')[2]}" for stamp, row in zip(stamps, PLAIN, strict=True)]
+    with pytest.raises(InputError):
+        load_waveform(written(tmp_path, ["Sample rate,4000", "time,u1 [V],i1 [A]"], rows))
