@@ -238,10 +238,8 @@ class _Export:
         if not scaled or not needed or given.u_scale is not None or given.i_scale is not None:
             return
         columns = [self.values[k] for k in needed]
-        if all(
-            (one == np.rint(one)).all() and np.abs(one).max() < _MOST_CODE and np.gcd.reduce(one.astype(np.int64)) == 1
-            for one in columns
-        ):
+        whole = all((one == np.rint(one)).all() and np.abs(one).max() < _MOST_CODE for one in columns)
+        if whole and all(np.gcd.reduce(one.astype(np.int64)) == 1 for one in columns):
             raise InputError(
                 self.text.path,
                 f"its channels hold whole numbers beside {scaled!r}, as codes of a converter; export volts (GW "
