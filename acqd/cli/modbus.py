@@ -28,6 +28,7 @@ def modbus() -> None:
 def probe(
     host: Annotated[str | None, typer.Option(help="Modbus TCP: address of the meter or gateway.")] = None,
     port: Annotated[int, typer.Option(min=1, max=65535)] = 502,
+    rtu: Annotated[bool, typer.Option("--rtu", help="With --host: a gateway that passes RTU frames on.")] = False,
     serial_port: Annotated[str | None, typer.Option(help="Modbus RTU: /dev/ttyUSB0.")] = None,
     baudrate: Annotated[int, typer.Option(min=300)] = 9600,
     parity: Annotated[str, typer.Option(help="N, E or O.")] = "N",
@@ -47,7 +48,9 @@ def probe(
     if parity not in ("N", "E", "O"):
         raise UserError(f"--parity {parity!r}: expected N, E or O")
     numbers = _units(units)
-    link = device_module("modbus").ModbusLink(host, port, serial_port, baudrate, parity, stopbits, timeout)
+    link = device_module("modbus").ModbusLink(
+        host, port, serial_port, baudrate, parity, stopbits, timeout, "rtu" if rtu else "tcp"
+    )
     console = Console(stderr=True)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
         bar = progress.add_task(f"asking {link}", total=len(numbers))

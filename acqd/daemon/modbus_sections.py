@@ -22,12 +22,15 @@ class _LinkKeys(Section):
     parity: Literal["N", "E", "O"] = "N"
     stopbits: Literal[1, 2] = 1
     timeout_s: Annotated[float, Field(ge=0.02, le=10)] = 0.3
+    framing: Literal["tcp", "rtu"] = "tcp"
     echo: bool = False
 
     @model_validator(mode="after")
     def _one_link(self) -> _LinkKeys:
         if (self.host is None) == (self.serial_port is None):
             raise ValueError("give either host (Modbus TCP) or serial_port (Modbus RTU)")
+        if self.framing == "rtu" and self.host is None:
+            raise ValueError('framing = "rtu" belongs to a host; a serial_port has no other')
         return self
 
     def link(self) -> dict[str, Any]:

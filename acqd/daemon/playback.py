@@ -27,6 +27,7 @@ from acqd.metering.other_mains import meter_for, row_window
 from acqd.metering.quality.lamp import LampName
 from acqd.plc.executive import Executive
 from acqd.sources import ChannelMap, ReplaySource, Waveform, load_waveform
+from acqd.sources.recording.wired import wired
 from acqd.sources.spec import replay_spec
 from acqd.telemetry.mqtt import BrokerAddress
 from acqd.telemetry.quality_row import quality_lines
@@ -102,6 +103,7 @@ def play(settings: Playback, progress: Callable[[float], None]) -> PlaybackRepor
             run.play(path, waveform)
     report.elapsed_s = time.perf_counter() - begun
     for path, waveform in zip(settings.files, waveforms, strict=True):
+        report.notes += [f"{path}: wiring: {one.remedy}" for one in wired(waveform).findings]
         known = [line.f for line in report.channels if line.file == str(path) and line.f is not None]
         report.notes += _doubt_of_rate(path, waveform, known)
     return report

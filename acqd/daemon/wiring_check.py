@@ -34,21 +34,20 @@ def examine_wiring(
 
     `expected_W`: power of the load in this time; None: the mean of what a sidecar predicts meanwhile, if one does.
     `rated_W`: the most that the load takes for long.
-    Raises UserError for a stream without three phases or without mains, OperationError without a daemon.
+    Raises UserError for a stream without mains, OperationError without a daemon.
     """
     name = device or config.device
     predictions = _Predictions(config.mqtt.address() if config.mqtt.enabled else None, name)
-    total, looks = np.zeros(6, dtype=complex), 0
+    total: list[np.ndarray] = []
     end = time.monotonic() + seconds
     try:
-        while not looks or time.monotonic() < end:
+        while not total or time.monotonic() < end:
             found = _look(config, device)
-            total += np.concatenate((found.U, found.I))
-            looks += 1
+            total.append(np.stack((found.U, found.I)))
             time.sleep(max(0.0, min(_PIECE_S, end - time.monotonic())))
     finally:
         predicted = predictions.mean_W()
-    mean = Phasors(total[:3] / looks, total[3:] / looks)
+    mean = Phasors(*np.mean(total, axis=0))
     if np.abs(mean.U).max() < INTERRUPTION * config.metering.nominal_voltage:
         raise UserError(f"{name}: no mains ({np.abs(mean.U).max():.3g} V); switch it on, and the load too")
     wired = Wired(mean, tuple(examine(mean, predicted if expected_W is None else expected_W, rated_W)))
@@ -69,8 +68,6 @@ def _look(config: Config, device: str) -> Phasors:
         file.flush()
         waveform = load_waveform(Path(file.name))
     form = waveform.form
-    if form.phases != 3:
-        raise UserError(f"{device or config.device} has {form.phases} phases; the wiring of three is examined")
     return phasors(waveform.codes * np.array(form.scale), form.rate, form.f_nominal)
 
 

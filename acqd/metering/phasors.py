@@ -1,8 +1,9 @@
-"""Is a three-phase meter wired as it should be? Phasors of the fundamentals, and what they say.
+"""Is a meter wired as it should be? Phasors of the fundamentals, and what they say.
 
 A load draws power in every phase, and a nearly balanced one lags by the same angle everywhere. Of all permutations and
 reversals of the current transformers the one that makes the angles alike, and no power negative, is named. What another
-wiring explains no better is no finding: a load that feeds back, single-phase loads, a rotating field to the left.
+wiring explains no better is no finding: a load that feeds back, single-phase loads, a rotating field to the left. Of
+one or two phases (split-phase mains) the direction of the power is all that shows.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from itertools import permutations, product
 import numpy as np
 
 from acqd.arrays import Floats
-from acqd.metering.current_ratio import NEAR, beyond_rated, wrong_ratio
+from acqd.metering.current_ratio import NEAR, beyond_rated, odd_ratio, wrong_ratio
 
 _FLOATING = 0.5
 """Of the median of the voltages: below it a phase is missing or picks up its neighbours."""
@@ -48,6 +49,13 @@ _RATIO_COST = 7.0
 """Cost of a ratio that is wrong in all three phases: one mistake, of the configuration."""
 _FITTING = 0.3
 """How near the power of a wiring must be to the expected one [share of it] to explain the power without a ratio."""
+_BACK_deg = 115.0
+"""A current that lags its voltage by more flows against the power of a load."""
+_ONE = 0.02
+"""Difference of two currents [share] that are one: loads of two phases differ by 120 degrees, or in size."""
+_LATE_deg, _EQUAL_VOLTS, _STRAIGHT_deg = 3.5, 0.01, 0.5
+"""A voltage that is so late or early although all three are alike in size and the two others lie 120 degrees apart:
+unbalance of a supply changes sizes as well."""
 _POWER = 0.15
 """How near the power must be to the expected one [share of S] to decide."""
 
@@ -83,17 +91,22 @@ class WiringFinding:
     @property
     def mistake(self) -> str:
         """The text without the measured values, which differ from minute to minute."""
-        return re.sub(r"\(.*?\)| [\d.e+-]+ times", "", self.text)
+        return re.sub(r"\(.*?\)| [\d.e+-]+ (times|degrees)", "", self.text)
 
     @property
     def correction(self) -> str:
         """What to paste below `[source]`; empty where only a screwdriver helps."""
         keys = []
-        if self.order and self.order != (1, 2, 3):
+        if self.order and self.order != tuple(range(1, len(self.order) + 1)):
             keys.append(f"i_order = {list(self.order)}")
         if set(self.gains) - {1.0}:
             keys.append(f"i_gain = {list(self.gains)}")
         return f"[source] correction = {{ {', '.join(keys)} }}" if keys else ""
+
+    @property
+    def remedy(self) -> str:
+        """What is wrong, and what to paste."""
+        return f"{self.text}; {self.correction}" if self.correction else self.text
 
 
 def phasors(values: Floats, rate: float, f: float) -> Phasors:
@@ -118,17 +131,41 @@ def phasors(values: Floats, rate: float, f: float) -> Phasors:
 
 
 def examine(found: Phasors, expected_W: float | None = None, rated_W: float | None = None) -> list[WiringFinding]:
-    """What is wrong with the wiring of three phases; empty: nothing that the phasors show.
+    """What is wrong with the wiring of one to three phases; empty: nothing that the phasors show.
 
     `expected_W`: power that a model of the load predicts for the same time; it decides between wirings that differ in
     the power, and shows wrong ratios. `rated_W`: the most that the load takes for long, from its nameplate.
     """
     if len(found.U) != 3:
-        return []
+        return _few(found)
     if voltages := _voltages(found.U):
         return voltages
     wirings = _all(found)
-    return _ratio(found, wirings, expected_W, rated_W) or _currents(found, wirings, expected_W)
+    return _ratio(found, wirings, expected_W, rated_W) or _currents(found, wirings, expected_W) or _odd(found)
+
+
+def _few(found: Phasors) -> list[WiringFinding]:
+    """One or two phases. Nothing where all of them return active power alone: a source that feeds back."""
+    size, lag = np.abs(found.I), np.abs(found.angles_deg())
+    back = [k for k in range(len(lag)) if lag[k] > _BACK_deg and size[k] > _SMALL * size.max()]
+    if not back or not np.abs(found.U).min() or ((lag[back] > 180 - _FEEDING_deg).all() and len(back) == len(lag)):
+        return []
+    names = " and ".join(f"i{k + 1}" for k in back)
+    sign = tuple(-1 if k in back else 1 for k in range(len(lag)))
+    text = f"{names} {'is' if len(back) == 1 else 'are'} reversed (unless the load feeds back)"
+    if len(back) == 2 and abs(_between(*found.U.tolist())) > 180 - _ALIKE_deg:
+        return [WiringFinding(f"{text}, or the currents of L1 and L2 are exchanged")]
+    return [WiringFinding(text, tuple(range(1, len(lag) + 1)), sign)]
+
+
+def _odd(found: Phasors) -> list[WiringFinding]:
+    """What no other wiring explains: one conductor in two transformers, one with another ratio."""
+    size = np.abs(found.I)
+    for a, b in ((0, 1), (0, 2), (1, 2)):
+        if size[a] > _SMALL * size.max() and abs(found.I[a] - found.I[b]) < _ONE * size[a]:
+            return [WiringFinding(f"i{a + 1} and i{b + 1} are the same current: two transformers on one conductor?")]
+    wrong = odd_ratio(size, found.angles_deg())
+    return [] if wrong is None else [WiringFinding(wrong.text, (1, 2, 3), (1, 1, 1), wrong.gain)]
 
 
 def _ratio(
@@ -171,14 +208,29 @@ def _voltages(U: np.ndarray) -> list[WiringFinding]:
     if pairs:
         a, b = pairs[0]
         return [WiringFinding(f"u{a + 1} and u{b + 1} are the same voltage: one of them is wired to the other's phase")]
-    reversed_ = _reversed_voltage(U)
-    if reversed_ is not None:
-        return [WiringFinding(f"u{reversed_ + 1} is reversed (180 degrees): exchange its two wires")]
     odd = [k for k in range(3) if abs(size[k] / median - 1) > _RATIO]
+    ratio = size[odd[0]] / median if odd else 1.0
+    between_lines = abs(ratio / np.sqrt(3) - 1) < 0.05
+    reversed_ = _reversed_voltage(U)
+    if reversed_ is not None and not between_lines:
+        return [WiringFinding(f"u{reversed_ + 1} is reversed (180 degrees): exchange its two wires")]
     if odd:
-        ratio = size[odd[0]] / median
-        hint = "; is it a voltage between lines?" if abs(ratio / np.sqrt(3) - 1) < 0.05 else ""
+        hint = "; is it a voltage between lines?" if between_lines else ""
         return [WiringFinding(f"u{odd[0] + 1} is {ratio:.3g} times the others ({_volts(size)}): check its ratio{hint}")]
+    return _late(U)
+
+
+def _late(U: np.ndarray) -> list[WiringFinding]:
+    """One voltage that is as large as the others, and not 120 degrees from them."""
+    if np.ptp(np.abs(U)) > _EQUAL_VOLTS * float(np.abs(U).min()):
+        return []
+    turn = np.sign(_between(U[0], U[1])) * 120  # the rotating field
+    error = [(_between(U[k], U[(k + 1) % 3]) - turn + 180) % 360 - 180 for k in range(3)]  # from phase k to the next
+    for k in range(3):
+        after, straight, before = error[k], error[(k + 1) % 3], error[(k + 2) % 3]
+        if abs(straight) < _STRAIGHT_deg and _LATE_deg < abs(before) < _ALIKE_deg and abs(after + before) < 1.0:
+            text = f"u{k + 1} is {abs(before):.2g} degrees {'late' if before < 0 else 'early'}"
+            return [WiringFinding(f"{text}: do its samples come at another time than the others (u_delay_us)?")]
     return []
 
 
@@ -241,7 +293,7 @@ def _named(best: _Wiring, candidates: Sequence[_Wiring], known: bool) -> WiringF
 
 def _lone_reversal(healthy: _Wiring) -> list[WiringFinding]:
     """One phase that returns what the two others draw, although their angles differ: single-phase loads."""
-    back = [k for k in range(3) if abs(healthy.lag[k]) > 115]
+    back = [k for k in range(3) if abs(healthy.lag[k]) > _BACK_deg]
     return (
         [_reversal(back)]
         if len(back) == 1 and all(abs(a) < 90 for k, a in enumerate(healthy.lag) if k not in back)

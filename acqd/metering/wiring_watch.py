@@ -1,4 +1,4 @@
-"""The wiring of a running stream of three phases, from phasors of a minute: a warning, never a correction."""
+"""The wiring of a running stream, from phasors of a minute: a warning, never a correction."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _LOOKS = 60
 """Looks, one a second, whose mean is examined."""
 _AGREEING = 2
 """Minutes in a row that must say the same: one minute may be one motion of a machine."""
-_LOAD = 20.0
+LOAD = 20.0
 """Times the current of a window without load: below it, angles are those of noise and crosstalk."""
 _UNMEASURED = frozenset(("gap", "invalid", "overrange", "clipped", "rollover", "saturated"))
 
@@ -56,7 +56,7 @@ class WiringWatch:
         """`nominal_V`: without mains of this voltage, and without load, nothing is examined."""
         self._form, self._scale = form, np.array(form.scale)
         self._least_V = INTERRUPTION * nominal_V
-        self._least_A = _LOAD * no_load_W(form, nominal_V) / nominal_V
+        self._least_A = LOAD * no_load_W(form, nominal_V) / nominal_V
         self._least = 2 * round(form.rate / form.f_nominal)
         self._every = round(_EVERY_S * form.rate)
         self._next = 0
@@ -69,7 +69,7 @@ class WiringWatch:
         if block.index < self._next or len(block.codes) < self._least:
             return
         self._next = block.index + self._every
-        if self._form.phases != 3 or block.flags & _UNMEASURED:
+        if block.flags & _UNMEASURED:
             return
         found = phasors(block.codes[-self._least :] * self._scale, self._form.rate, self._form.f_nominal)
         if np.abs(found.U).max() < self._least_V or np.abs(found.I).max() < self._least_A:

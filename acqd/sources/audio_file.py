@@ -4,15 +4,20 @@ from __future__ import annotations
 
 import io
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
+import numpy as np
 import soundfile
+from numpy.typing import NDArray
 
 from acqd.errors import InputError
 from acqd.sources.recording.channel import Channel, Column, Recording
 from acqd.sources.waveform import MOST_BYTES, QUANTITIES, ChannelMap
 
 _FULL_SCALE = 32768
+_LOOK = 8_192
+"""Samples whose strongest line shows the order of the channels."""
+_NEAR_deg = 10.0
 _HEAD = 65_536  # bytes in which the chunk of the samples begins
 
 
@@ -39,6 +44,8 @@ def load(path: Path, given: ChannelMap) -> Recording:
         raise InputError(path, f"is truncated: {len(values)} of {announced} samples")
     if count > 6 and given.columns is None:
         raise InputError(path, f"has {count} channels; say which are which with --map u1=0,i1=1 ...")
+    if given.columns is None:
+        _refuse_other_order(path, values)
     names = [*QUANTITIES[:count], *(f"channel {k}" for k in range(6, count))] if given.columns is None else [""] * count
     channels = [Channel(name) for name in names]
 
@@ -47,6 +54,29 @@ def load(path: Path, given: ChannelMap) -> Recording:
 
     kind = f"{path.suffix[1:].upper()}, {'16 bits' if exact else 'wider than 16 bits'}"
     return Recording(path, kind, channels, len(values), column, rate, notes=notes, noun="channel")
+
+
+def _refuse_other_order(path: Path, values: NDArray[Any]) -> None:
+    """Raises InputError where U1, U2, U3, I1, ... make a system of voltages, and U1, I1, U2, ... do not."""
+    count = values.shape[1]
+    if count not in (4, 6):
+        return
+    part = values[:_LOOK] * np.hanning(len(values[:_LOOK]))[:, None]
+    lines = np.fft.rfft(part, axis=0)[1:]
+    line = lines[int(np.argmax(np.abs(lines).sum(axis=1)))] if len(lines) else np.zeros(count)
+    if not _is_system(line[0::2]) and _is_system(line[: count // 2]):
+        keys = ",".join(f"{q}{k + 1}={k + (q == 'i') * count // 2}" for k in range(count // 2) for q in "ui")
+        raise InputError(
+            path,
+            f"its channels are not U1, I1, U2, I2 ... (the angles of their waves are no three-phase or split-phase "
+            f"voltages); as all voltages, then all currents: --map {keys}",
+        )
+
+
+def _is_system(lines: NDArray[np.complex128]) -> bool:
+    """Whether neighbours lie 120 or 180 degrees apart."""
+    apart = np.abs(np.degrees(np.angle(lines[1:] * lines[:-1].conj())))
+    return bool((np.minimum(np.abs(apart - 120), np.abs(apart - 180)) < _NEAR_deg).all())
 
 
 def _whole(path: Path, notes: list[str]) -> Path | io.BytesIO:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from acqd.errors import InputError
+from acqd.sources.arrays.contents import Contents, recording_of
 from acqd.sources.recording.channel import Channel, Column, Recording
 from acqd.sources.waveform import LATEST_NS, MOST_BYTES, QUANTITIES, ChannelMap
 
@@ -25,8 +26,9 @@ def load(path: Path, given: ChannelMap) -> Recording:
     Optional: `f_nominal` [Hz], `start_utc_ns`, `simulated` (not 0: flags every row); `u_unit`, `i_unit` for other units
     than V and A. Raises InputError.
     """
-    del given  # an NPZ says everything itself
-    data = _read(path)
+    data = _with_rate(path, _read(path))
+    if not any(key in data for key in (*_KEYS[:2], *_PHYSICAL[:2])):
+        return _named(path, data, given)
     physical = "u_V" in data and "u_code" not in data
     missing = [key for key in (_PHYSICAL if physical else _KEYS) if key not in data]
     if missing:
@@ -63,6 +65,25 @@ def load(path: Path, given: ChannelMap) -> Recording:
         path, "NPZ of " + ("values" if physical else "codes"), channels, samples, column, rate, start, f_nominal,
         simulated, noun="channel", full_scale=not physical, declared=True,
     )  # fmt: skip
+
+
+def _with_rate(path: Path, data: dict[str, Any]) -> dict[str, Any]:
+    """With `fs`, where the file has the step `dt` [s]."""
+    if "fs" in data or "dt" not in data:
+        return data
+    step = _number(path, data, "dt")
+    return data | {"fs": np.array(1 / step)} if step > 0 else data
+
+
+def _named(path: Path, data: dict[str, Any], given: ChannelMap) -> Recording:
+    """Arrays of other names. Raises InputError."""
+    contents = Contents()
+    for key, array in data.items():
+        if array.dtype.kind in "iuf" and array.size == 1:
+            contents.numbers[key] = float(array.reshape(()))
+        elif array.dtype.kind in "iuf":
+            contents.add(key, array.shape, lambda array=array: array)
+    return recording_of(path, "NPZ of named arrays", contents, given, "save u_V, i_A and fs with numpy.savez")
 
 
 def _unit(data: dict[str, Any], key: str) -> str:

@@ -20,6 +20,10 @@ def check_encoding(name: str, option: str = "--encoding") -> str:
     return name
 
 
+_UTF16 = (b"\xff\xfe", b"\xfe\xff")
+"""How texts begin that Windows saves as "Unicode"."""
+
+
 def encoding_of(path: Path) -> str:
     """The encoding of a table, from its first 64 KiB: UTF-8, or Latin-1 where a few letters are.
 
@@ -27,6 +31,8 @@ def encoding_of(path: Path) -> str:
     """
     with path.open("rb") as file:
         head = file.read(_HEAD)
+    if head.startswith(_UTF16):
+        return "utf-16"
     _refuse_binary(path, head)
     if _is_utf8(head):
         return "utf-8-sig"
@@ -51,6 +57,8 @@ def decode(path: Path, content: bytes, encoding: str | None) -> str:
             return content.decode(encoding)
         except UnicodeError:
             raise InputError(path, f"is not text in {encoding}; give its encoding with --encoding") from None
+    if content.startswith(_UTF16):
+        return content.decode("utf-16", errors="replace")
     _refuse_binary(path, content)
     try:
         return content.decode("utf-8-sig")

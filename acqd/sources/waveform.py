@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -125,6 +126,8 @@ def position(path: Path, names: list[str], name: str, kind: str) -> int:
         return places[0]
     if not places and name.isdigit() and int(name) < len(names):
         return int(name)
+    if not places and len(bare := [k for k, other in enumerate(names) if other and _is_with_unit(name, other)]) == 1:
+        return bare[0]
     listed = ", ".join(f"{k}={other}" for k, other in enumerate(names))
     if places:
         raise InputError(
@@ -132,6 +135,12 @@ def position(path: Path, names: list[str], name: str, kind: str) -> int:
             f"has {len(places)} {kind}s with the name {name!r}; use numbers with --map u1=0,... ({kind}s: {listed})",
         )
     raise InputError(path, f"has no {kind} {name!r}; {kind}s are {listed}")
+
+
+def _is_with_unit(name: str, bare: str) -> bool:
+    """Whether `name` is this one as the file writes it, with the unit: `CH1 [V]`, `CH1V`, `Spannung L1 in kV`."""
+    tail = name[len(bare) :].strip()
+    return name.startswith(bare) and re.fullmatch(r"[\[(<].{1,9}[\])>]|(?:in |/)?[kmuµ]?[VA]", tail) is not None
 
 
 def check_values(path: Path, values: Floats) -> None:
@@ -152,4 +161,5 @@ def stream_format(path: Path, rate: float, scale: list[float], f_nominal: float,
     try:
         return StreamFormat(rate, tuple(scale), f_nominal, bits)
     except ValueError as error:
-        raise InputError(path, str(error)) from None
+        remedy = "; is the unit of its times right (time [ms])? --rate overrules it" if "200 Hz" in str(error) else ""
+        raise InputError(path, f"{error}{remedy}") from None

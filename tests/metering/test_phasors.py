@@ -10,6 +10,7 @@ import pytest
 from acqd.daemon.correction_section import CorrectionSection
 from acqd.metering.phasors import Phasors, examine, phasors
 from acqd.sources import load_waveform
+from acqd.sources.recording.wired import wired
 
 TURN = np.exp(-2j * np.pi * np.arange(3) / 3)
 SIGNS = [(1, 1, 1), (-1, 1, 1), (1, -1, 1), (1, 1, -1)]
@@ -104,6 +105,7 @@ def test_no_recording_is_warned_of(waveforms):
         waveform = load_waveform(path)
         values = waveform.codes * np.array(waveform.form.scale)
         assert examine(phasors(values, waveform.form.rate, waveform.form.f_nominal)) == [], path
+        assert wired(waveform).findings == () and not any("jump" in note for note in waveform.notes), path
 
 
 RATIOS = [0.1, 0.2, 1 / 3, 0.5, 2, 3, 5, 10, 20, 40, 100]

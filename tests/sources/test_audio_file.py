@@ -44,3 +44,14 @@ def test_a_stream_without_a_length_is_read_to_its_end(tmp_path, length):
     path.write_bytes(bytes(content).replace(b"fmt ", b"fmx "))
     with pytest.raises(InputError, match="no readable WAV"):
         load_waveform(path, ChannelMap(u_scale=400.0, i_scale=10.0))
+
+
+def test_voltages_before_currents_are_not_taken_for_pairs(tmp_path):
+    turns = 2 * np.pi * (50 * np.arange(8_000)[:, None] / 8_000 - np.arange(3) / 3)
+    u, i = 0.8 * np.sin(turns), 0.5 * np.sin(turns - 0.5)
+    scales = {"u_scale": 400.0, "i_scale": 10.0}
+    soundfile.write(tmp_path / "a.wav", np.hstack((u, i)), 8_000)
+    with pytest.raises(InputError, match="--map u1=0,i1=3,u2=1,i2=4,u3=2,i3=5"):
+        load_waveform(tmp_path / "a.wav", ChannelMap(**scales))
+    soundfile.write(tmp_path / "b.wav", np.stack((u, i), axis=2).reshape(-1, 6), 8_000)
+    assert load_waveform(tmp_path / "b.wav", ChannelMap(**scales)).form.phases == 3

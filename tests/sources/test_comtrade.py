@@ -115,8 +115,8 @@ def test_time_codes_of_2013(tmp_path, recording, code, hours):
 
 def test_a_time_code_that_is_none_is_named(tmp_path, recording):
     path = replace(recording, edition=2013, tail=("1", "soon,x", "0,0")).write(tmp_path)
-    with pytest.raises(InputError, match=r"time code 'soon' is not like -5h30"):
-        load_waveform(path)
+    waveform = load_waveform(path)
+    assert waveform.start_utc_ns is None and "time code 'soon' is not like -5h30" in " ".join(waveform.notes)
 
 
 def test_headers_in_latin_1(tmp_path, recording):
@@ -291,3 +291,35 @@ def test_times_that_contradict_the_rate_are_refused_unless_their_unit_explains_t
             load_waveform(tmp_path / "r.cfg")
     given = ChannelMap(rate=10_000.0) if refused else ChannelMap()
     assert load_waveform(tmp_path / "r.cfg", given).form.rate == 10_000
+
+
+def test_rows_that_are_doubled_exchanged_or_of_another_width_are_refused(tmp_path, recording):
+    path = replace(recording, kind="ASCII").write(tmp_path)
+    rows = path.with_suffix(".dat").read_bytes().split(b"\r\n")
+    for wrong in ([*rows[:700], rows[699], *rows[700:]], [*rows[:700], rows[701], rows[700], *rows[702:]]):
+        path.with_suffix(".dat").write_bytes(b"\r\n".join(wrong))
+        with pytest.raises(InputError, match="doubled or out of order"):
+            load_waveform(path)
+    path = recording.write(tmp_path)
+    text, data = path.read_text(), path.with_suffix(".dat").read_bytes()
+    path.with_suffix(".dat").write_bytes(b"".join(data[k : k + 20] + b"\0\0" for k in range(0, len(data), 20)))
+    with pytest.raises(InputError, match="6 analog, 0 status channels"):
+        load_waveform(path)
+    path.write_text(text.replace("6A,0D", "6A,1D").replace("\n50\n", "\n1,D1,,,0\n50\n"))
+    assert load_waveform(path).form.phases == 3
+
+
+def test_marks_of_order_blank_lines_and_dates_do_not_stop_a_recording(tmp_path, recording):
+    path = replace(recording, edition=2013, kind="ASCII", tail=("1", "0,x", "0,0")).write(tmp_path)
+    cfg, dat = path.read_bytes(), path.with_suffix(".dat").read_bytes()
+    parts = b"\xef\xbb\xbf--- file type: CFG ---\r\n", cfg, b"--- file type: DAT ASCII ---\r\n", dat
+    (tmp_path / "r.cff").write_bytes(b"".join(parts))
+    assert load_waveform(tmp_path / "r.cff").form.phases == 3
+    path.write_bytes(cfg.replace(b",0D\r\n", b",0D\r\n\r\n"))
+    assert load_waveform(path).form.phases == 3
+    for stamp, hour in (("25/06/2007,24:00:00.0", 24), ("25/06/2007 19:00:00.0", 19), ("someday", None)):
+        path = replace(recording, stamp=stamp).write(tmp_path)
+        waveform = load_waveform(path)
+        midnight = datetime(2007, 6, 25, tzinfo=UTC).timestamp()
+        assert waveform.start_utc_ns == (None if hour is None else round((midnight + 3600 * hour) * 1e9))
+        assert any("--start" in note for note in waveform.notes) == (hour is None)

@@ -41,3 +41,10 @@ def test_broken_npz_is_named(tmp_path, case):
     with pytest.raises(InputError, match=complaint) as caught:
         load_waveform(tmp_path / "a.npz")
     assert str(tmp_path / "a.npz") in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_arrays_of_other_names_are_channels_by_their_names(tmp_path):
+    wave = np.sin(2 * np.pi * np.arange(800) / 80)
+    np.savez(tmp_path / "a.npz", voltage_mV=325e3 * wave, current_mA=7e3 * wave, dt=2.5e-4)
+    form = load_waveform(tmp_path / "a.npz").form
+    assert form.rate == pytest.approx(4_000) and form.scale == pytest.approx((1e-3, 1e-3))

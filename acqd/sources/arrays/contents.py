@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -26,12 +26,14 @@ _RATES = {"fs", "rate", "samplerate", "samplingrate", "samplingfrequency", "samp
           "sampfreq", "abtastrate", "sr"}  # fmt: skip
 _STEPS = {"dt", "ts", "tinterval", "sampleinterval", "samplinginterval", "samplingperiod", "sampletime", "increment",
           "xincrement", "deltat", "timestep"}  # fmt: skip
-_TIMES = {name.replace(" ", "").replace("-", "") for name in TIME_NAMES} | {"timevec", "timevector", "times"}
+_TIMES = {name.replace(" ", "").replace("-", "") for name in TIME_NAMES} | {"timevec", "timevector", "times", "tout"}
 _DATES = {"start_utc_ns"}
 _SAME_RATE = 1e-3
 _MOST_CHANNELS = 64  # of a matrix: what has more columns is a picture or a table of results
 _BOMB = 1000  # times a file may be larger unpacked
 _SMALL = 1 << 26
+_CODES = "whole numbers"
+"""Unit of what may be codes: it is unknown, so the channel is refused with what to type."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +48,8 @@ class Signal:
     start_utc_ns: int | None = None
     scale: float = 1.0
     offset: float = 0.0
+    unapplied: bool = False
+    """The file has a factor whose meaning is not standard."""
 
     @property
     def is_time(self) -> bool:
@@ -140,10 +144,18 @@ def recording_of(path: Path, title: str, contents: Contents, given: ChannelMap, 
     _set_clock(recording, chosen, [one for one in times if one.length == length], contents.numbers, given)
     recording.f_nominal = next((v for k, v in contents.numbers.items() if _key(k) in ("fnominal", "fnom")), None)
     recording.simulated = bool(contents.numbers.get("simulated"))
-    whole = [one.name for one in chosen if one.unit == "" and not split_label(one.name)[1] and _is_integer(path, one)]
-    if whole:
-        recording.notes.append(f"{', '.join(whole[:6])}: integers without a unit, taken as V and A")
+    if given.u_scale is None and given.i_scale is None:
+        recording.channels = [
+            replace(channel, unit=_CODES) if _are_codes(path, signal) else channel
+            for channel, signal in zip(recording.channels, chosen, strict=True)
+        ]
     return recording
+
+
+def _are_codes(path: Path, signal: Signal) -> bool:
+    """Integers without a unit, or with a factor that is not applied: V and A, or codes? Nobody says."""
+    unknown = not signal.unit and not split_label(signal.name)[1]
+    return (unknown or signal.unapplied) and _is_integer(path, signal)
 
 
 def _is_integer(path: Path, signal: Signal) -> bool:

@@ -103,7 +103,7 @@ def _add(contents: Contents, path: Path, name: str, dataset: Any) -> None:
         )
     contents.add(
         name, dataset.shape, _reader(path, name), _unit(dataset.attrs),
-        scale=1.0 if scale is None else scale, offset=offset or 0.0,
+        scale=1.0 if scale is None else scale, offset=offset or 0.0, unapplied=bool(unused),
     )  # fmt: skip
 
 

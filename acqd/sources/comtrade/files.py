@@ -11,7 +11,7 @@ from acqd.errors import InputError
 from acqd.sources.text_file import decode
 
 _PART = re.compile(
-    rb"^-{2,}\s*file\s*type\s*:?\s*([a-z]+)[^\n]*?(?::?\s*(?<![\w])(\d+)\s*)?-{2,}[^\n]*\n",
+    rb"^(?:\xef\xbb\xbf)?-{2,}\s*file\s*type\s*:?\s*([a-z]+)[^\n]*?(?::?\s*(?<![\w])(\d+)\s*)?-{2,}[^\n]*\n",
     re.IGNORECASE | re.MULTILINE,
 )
 """A line such as `--- file type: DAT BINARY: 1234 ---`; some recorders write it without the colons."""

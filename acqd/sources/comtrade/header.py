@@ -98,10 +98,10 @@ def read_header(path: Path, text: str) -> Header:
     try:
         order = month_first(start, trigger, edition == 1991)
         utc = utc_ns(start, order.month_first, offset_s(code))
+        said = (*notes, order.note) if order.note else notes
     except ValueError as error:
-        raise InputError(path, f"its header: {error}") from None
+        utc, said = None, (*notes, f"its header: {error}: rows start now, or at --start")
     tick = 1e-9 if has_nanoseconds(start) or has_nanoseconds(trigger) else 1e-6
-    said = (*notes, order.note) if order.note else notes
     return Header(edition, channels, digital, frequency, segments, utc, file_type, tick * factor, station, said)
 
 
@@ -133,8 +133,11 @@ class _Lines:
         self._number += 1
         return self._lines[self._number - 1].strip() if self._number <= len(self._lines) else ""
 
-    def fields(self, least: int) -> list[str]:
-        fields = [field.strip() for field in self.next().split(",")]
+    def fields(self, least: int, *, skip_blank: bool = False) -> list[str]:
+        line = self.next()
+        while skip_blank and not line:
+            line = self.next()
+        fields = [field.strip() for field in line.split(",")]
         if len(fields) < least:
             raise self.wrong(f"has {len(fields)} fields, expected {least} or more")
         return fields
@@ -182,7 +185,7 @@ def _edition(lines: _Lines, text: str) -> tuple[int, tuple[str, ...]]:
 
 def _channel(lines: _Lines) -> AnalogChannel:
     """Fields: number, name, phase, circuit, unit, a, b, skew, min, max[, primary, secondary, P or S]."""
-    fields = lines.fields(10)
+    fields = lines.fields(10, skip_blank=True)
     a, b, skew, _, maximum = (lines.number(text or "0") for text in fields[5:10])
     primary, secondary = (lines.number(text or "0") for text in [*fields[10:12], "", ""][:2])
     ratio = primary / secondary if primary > 0 and secondary > 0 else 1.0

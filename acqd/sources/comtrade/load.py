@@ -14,6 +14,11 @@ from acqd.sources.comtrade.samples import Samples
 from acqd.sources.recording.channel import Channel, Column, Recording
 from acqd.sources.waveform import ChannelMap
 
+_IN_TURN, _AT_RANDOM = 0.99, 0.5
+"""Shares of rows whose numbers rise by one: above the first, the others are misplaced; below the second, with uneven
+times as well, the rows are cut at the wrong places."""
+_NOTED = 2e-4
+"""How far the times may be from the header's rate without a word: 10 mHz of the mains."""
 _STEP_SLACK = 0.05  # of a period: how far times may be from an even step
 _RATE_SLACK = 1e-3  # how far the mean step may be from the header's rate: 0.05 Hz of the mains
 _DECADE_SLACK = 0.03  # of a power of ten: 7 %
@@ -37,6 +42,7 @@ def load(path: Path, given: ChannelMap) -> Recording:
     header = read_header(path, text)
     samples = Samples(path, header, content)
     notes = [*header.notes, *samples.notes]
+    _refuse_disorder(path, header, samples)
     rate, breaks = _clock(path, header, samples, given, notes)
 
     def column(number: int) -> Column:
@@ -53,12 +59,40 @@ def load(path: Path, given: ChannelMap) -> Recording:
     )  # fmt: skip
 
 
+def _refuse_disorder(path: Path, header: Header, samples: Samples) -> None:
+    """Raises InputError for rows that are doubled, exchanged or cut at the wrong places: their numbers say so."""
+    rises = np.diff(samples.numbers())
+    share = float((rises == 1).mean()) if len(rises) else 1.0
+    if _IN_TURN < share < 1 and (rises < 1).any():
+        at = int(np.argmax(rises < 1))
+        first = samples.numbers()[at : at + 2].tolist()
+        times = samples.times()
+        if times is None or np.diff(times)[at] <= 0 or not rises[at]:
+            raise InputError(
+                path,
+                f"row {at + 2} has number {first[1]} after {first[0]}: doubled or out of order; export again",
+            )
+    if share < _AT_RANDOM and header.file_type != "ASCII" and not _even(samples.times()):
+        raise InputError(
+            path,
+            f"its rows are not numbered 1, 2, 3 ...: the {header.file_type} data do not fit the header "
+            f"({len(header.channels)} analog, {header.digital} status channels); check counts, file type, byte order",
+        )
+
+
+def _even(times: Floats | None) -> bool:
+    steps = np.diff(times) if times is not None else np.empty(0)
+    return bool(
+        len(steps) and np.median(steps) > 0 and (np.abs(steps / np.median(steps) - 1) < 0.5).mean() > _AT_RANDOM
+    )
+
+
 def _channel(channel: AnalogChannel) -> Channel:
     ratio = channel.ratio if channel.secondary else 1.0
     return Channel(channel.name, channel.unit, channel.phase, channel.circuit, ratio, channel.skew_us * 1e-6)
 
 
-def _other_rate(steps: Floats, step: float, tick_s: float) -> float | None:
+def _other_rate(steps: Floats, step: float, tick_s: float, slack: float = _RATE_SLACK) -> float | None:
     """Samples/s that the times say, where that is another rate than the header's; None where both agree.
 
     Recorders round every time to a tick, or the step, whose mean is half a tick off then.
@@ -69,8 +103,13 @@ def _other_rate(steps: Floats, step: float, tick_s: float) -> float | None:
         return None  # times that mean nothing
     mean = float(even.mean())
     rounded = 0.51 * tick_s if np.ptp(even) < 0.5 * tick_s else 2 * tick_s / len(even)
-    agree = abs(mean - step) <= _RATE_SLACK * step + rounded
+    agree = abs(mean - step) <= slack * step + rounded
     return None if agree or mean <= 0 else 1 / mean
+
+
+def _nearly(rate: float, other: float | None) -> list[str]:
+    said = f"its header says {rate:g} samples/s, the times of its samples {other or rate:.7g}"
+    return [f"{said}: f and W follow the header (--rate)"] if rate and other else []
 
 
 def _clock(
@@ -102,6 +141,7 @@ def _clock(
                 "say which is right with --rate",
             )
         return rate, []
+    notes += _nearly(rate, _other_rate(steps, step, header.tick_s, _NOTED) if len(header.segments) == 1 else None)
     uneven = np.flatnonzero(np.abs(steps - step) > slack).tolist()
     pauses = [at for at in uneven if rate and step < steps[at] < _LONGEST_PAUSE_S]
     if pauses and len(pauses) > max(len(header.segments), _MOST_PAUSES * len(times)):

@@ -16,6 +16,8 @@ from acqd.sources.comtrade.header import AnalogChannel, FileType, Header
 
 Numbers: TypeAlias = NDArray[np.int16 | np.uint16 | np.int32 | np.float32 | np.float64]
 _TYPES: dict[FileType, str] = {"BINARY": "<i2", "BINARY32": "<i4", "FLOAT32": "<f4"}
+_LARGEST = 2**53
+"""A number of a sample beyond it means nothing."""
 _NO_TIME = 0xFFFFFFFF
 _MISSING: dict[FileType, float] = {"BINARY": -(2**15), "BINARY32": -(2**31), "ASCII": 99_999}
 """Numbers that stand for a missing sample since 1999. In 1991, 0xFFFF does, which is also -1."""
@@ -33,7 +35,11 @@ class Samples:
         if present < announced or not present:
             if not present and not announced:
                 raise InputError(path, "has no samples")
-            raise InputError(path, f"is truncated: {present} of {announced} samples")
+            raise InputError(
+                path,
+                f"is truncated: {present} of {announced} samples; transfer it again, or write {present} for "
+                f"{announced} in its header to meter what is there",
+            )
         self.notes = (f"has {present} samples, of which its header announces the first {announced}",) * (
             0 < announced < present
         )
@@ -50,6 +56,12 @@ class Samples:
             return None
         whole: Floats = (ticks - ticks[0]).astype(np.float64) if ticks.dtype.kind == "f" else _unwrapped(ticks)
         return whole * self._header.tick_s
+
+    def numbers(self) -> NDArray[np.int64]:
+        """Numbers of the samples as the data say them."""
+        stored = self._rows["number"] if self._rows.dtype.names else self._rows[:, 0]
+        known = np.nan_to_num(stored, nan=0.0, posinf=0.0, neginf=0.0)
+        return np.asarray(np.clip(known, -_LARGEST, _LARGEST).astype(np.int64))
 
     def column(self, number: int) -> Numbers:
         """Stored numbers of an analog channel. Raises InputError at a missing sample."""

@@ -25,7 +25,7 @@ def utc_ns(line: str, month_first: bool, offset_s: int = 0) -> int | None:
     if year_first is not None:  # as ISO 8601 writes dates
         year, month, day = year_first.groups()
         line, month_first = f"{day}/{month}/{year},{line.strip()[year_first.end() :].lstrip(' T,')}", False
-    date, _, time = (part.strip() for part in line.partition(","))
+    date, _, time = (part.strip() for part in line.strip().replace(",", " ", 1).partition(" "))
     days, clock = _DATE.match(date), _TIME.match(time)
     if days is None or clock is None:
         raise ValueError(f"{line.strip()!r} is no time like 31/12/2025,23:59:59.999999")
@@ -37,9 +37,10 @@ def utc_ns(line: str, month_first: bool, offset_s: int = 0) -> int | None:
         return None
     hour, minute, second = (int(text) for text in clock.groups()[:3])
     leap, second = divmod(second, 60)  # 60 in a leap second
+    days_on, hour = (1, 0) if (hour, minute, second) == (24, 0, 0) else (0, hour)  # the end of a day, ISO 8601
     delta = datetime(year, month, day, hour, minute, second, tzinfo=UTC) - _EPOCH
     fraction = int((clock.group(4) or "0").ljust(12, "0")) // 1000
-    return (delta.days * 86_400 + delta.seconds + 60 * leap - offset_s) * 1_000_000_000 + fraction
+    return ((delta.days + days_on) * 86_400 + delta.seconds + 60 * leap - offset_s) * 1_000_000_000 + fraction
 
 
 @dataclass(frozen=True, slots=True)

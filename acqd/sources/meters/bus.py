@@ -54,8 +54,9 @@ class MeterBus:
                 silent.append(f"meter {meter.settings.name!r}: {error}")
         if len(silent) == len(self.meters):
             self._close()
+            gateway = "" if self.link.is_serial else '; a gateway that passes RTU frames on needs framing = "rtu"'
             raise UserError(
-                f"{self.link}: no meter answers ({silent[0]}); check wiring, baud rate, parity and unit ids"
+                f"{self.link}: no meter answers ({silent[0]}); check wiring, baud rate, parity and unit ids{gateway}"
             )
 
     def start(self, on_reading: Callable[[Reading], None]) -> None:

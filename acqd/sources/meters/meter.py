@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+import logging
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from acqd.errors import UserError
 from acqd.retry import SHARED_LINE, Backoff
 from acqd.sources.meters.access import MeterAccess
+from acqd.sources.meters.agreement import EnergyAgreement
 from acqd.sources.meters.decode import raw_value
 from acqd.sources.meters.plausible import decode, explain, judge
 from acqd.sources.meters.profile import Profile, WordOrder
@@ -16,6 +18,7 @@ from acqd.sources.meters.reading import Reading
 from acqd.sources.meters.rounds import INVALID, Judged, RoundJudge
 from acqd.sources.modbus.client import ModbusClient, ModbusError
 
+_log = logging.getLogger(__name__)
 _ROUNDS = 3
 _STALE_NS = 30_000_000_000
 _DEAD = 0.05  # share of the nominal voltage: supply interruption as in EN 50160
@@ -52,6 +55,8 @@ class Meter:
         self._access = MeterAccess(self.unit, profile)
         self.period_ns = round((settings.poll_s or profile.update_s) * 1e9)
         self._judge = RoundJudge(settings.nominal_voltage)
+        self._agreement = EnergyAgreement()
+        self._senseless = 0  # rounds in a row without any measurement
         self._trusted = False
         self._backoff = Backoff(SHARED_LINE)
         self._values: dict[str, float | None] = {}
@@ -122,7 +127,21 @@ class Meter:
         self._backoff.reset()
         flags = self._flags(judged.values, now_ns, missed=seq != self._last_seq + 1 and self._last_seq >= 0)
         self._last_seq = seq
+        if remark := self._agreement.feed(judged.values, now_ns):
+            _log.warning("meter %s: %s?", self.settings.name, remark)
+        self._say_senseless(judged, answers)
         return Reading(self.settings.name, self.profile.phases, seq, utc(), judged.values, flags | judged.flags)
+
+    def _say_senseless(self, judged: Judged, answers: list[bytes]) -> None:
+        """A warning where rounds that made sense no longer do: after an update of the meter, or another one."""
+        lost = all(value is None for value in judged.values.values())
+        self._senseless = self._senseless + 1 if lost else 0
+        if self._senseless == _ROUNDS:
+            advice = explain(self.profile, self._access.plan, answers, self.settings.nominal_voltage)
+            _log.warning(
+                "meter %s: its registers make no sense any more; %s",
+                self.settings.name, advice or "was it set otherwise, updated or exchanged?",
+            )  # fmt: skip
 
     def _judged(self, client: ModbusClient, answers: list[bytes], now_ns: int) -> Judged:
         """The round without what is no measurement; registers that contradict each other are read once more."""
@@ -160,8 +179,9 @@ class Meter:
         flags = {"rms_meter"}
         if missed:
             flags.add("gap")
-        if values != self._values:
-            self._values, self._changed_ns = values, now_ns
+        seen = {name: value for name, value in values.items() if not name.endswith((".W", ".W_export"))}
+        if seen != self._values:
+            self._values, self._changed_ns = seen, now_ns
         voltages = [value for name, value in values.items() if name.endswith(".Vrms") and value is not None]
         if voltages and max(voltages) < _DEAD * self.settings.nominal_voltage:
             flags.add("no_mains")

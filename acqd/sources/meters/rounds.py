@@ -19,6 +19,8 @@ RESET = "meter_reset"
 """Flag of the row in which the energy of a reset or exchanged meter is continued."""
 _VOLTS = 2.0
 """Of the nominal voltage: no supply holds more for a second (EN 50160: swells below 1.2 kV stay under 1.7)."""
+_TINY_V = 1e-3
+"""No meter resolves less, and a dead phase reads 0 or some volts."""
 _HERTZ = (40.0, 70.0)
 _PF = 1.05
 _PF_BELOW = 0.15
@@ -33,6 +35,8 @@ _DEAD = 0.05
 _SLACK = 0.1  # share of V x I by which P and S may be larger: resolution, and times that differ
 _SMALL_VA = 25.0  # below this the meters' resolution says more than the load
 _LARGEST = 1e10  # A, W, VA or kWh: floats that mean nothing are larger
+_CARRIES, _LEAST_A = 0.05, 0.1
+"""Share of the largest current, and amperes, that are no noise."""
 _FEW = 6  # registers of a round that may all be zero by chance
 _CONFIRM_NS, _CONFIRM_ROUNDS = 10_000_000_000, 4
 """So long, and in so many rounds, a counter must stay below (or far above) its last value to be another one."""
@@ -99,6 +103,9 @@ class RoundJudge:
         for name, value in values.items():
             if value is not None and self._impossible(name, value):
                 known[name] = None
+        voltages = [name for name in values if name.endswith(".Vrms") and values[name] is not None]
+        if voltages and all(known[name] is None for name in voltages):  # another word order, another device: no energy
+            return Judged(dict.fromkeys(values), frozenset({INVALID}))
         self._drop_contradicting(known)
         flags = {INVALID} if known != values else set()
         alive = max(known.get(f"L{k}.Vrms") or 0.0 for k in (1, 2, 3)) > _DEAD * self.nominal_voltage
@@ -113,6 +120,7 @@ class RoundJudge:
         return Judged(known, frozenset(flags))
 
     def _drop_contradicting(self, known: dict[str, float | None]) -> None:
+        _drop_dead_voltages(known, _DEAD * self.nominal_voltage)
         for channel in _CHANNELS:
             _drop_powers(channel, known, _DEAD * self.nominal_voltage)
             _drop_power_factor(channel, known)
@@ -121,7 +129,8 @@ class RoundJudge:
     def _impossible(self, name: str, value: float) -> bool:
         kind = name.rpartition(".")[2]
         if kind == "Vrms":
-            return not -1e-9 <= value <= _VOLTS * self.nominal_voltage
+            tiny = 0 < abs(value) < _TINY_V  # half of the bits of a number, in the wrong place
+            return tiny or not -1e-9 <= value <= _VOLTS * self.nominal_voltage
         if kind == "f":
             return value != 0 and not _HERTZ[0] <= value <= _HERTZ[1]
         if kind == "PF":
@@ -194,6 +203,19 @@ def _drop_total(known: dict[str, float | None]) -> None:
         known["total.P"] = None
 
 
+def _drop_dead_voltages(known: dict[str, float | None], dead_V: float) -> None:
+    """A phase without voltage carries no current while others live: the fuse of its measuring input has gone."""
+    phases = [f"L{k}" for k in (1, 2, 3) if known.get(f"L{k}.Vrms") is not None]
+    largest = max((known.get(f"{name}.Irms") or 0.0 for name in phases), default=0.0)
+    if not any((known[f"{name}.Vrms"] or 0.0) > dead_V for name in phases):
+        return
+    for name in phases:
+        current = known.get(f"{name}.Irms") or 0.0
+        if (known[f"{name}.Vrms"] or 0.0) <= dead_V and current > max(_CARRIES * largest, _LEAST_A):
+            known[f"{name}.Vrms"] = None
+            known |= {key: None for key in (f"{name}.P", f"{name}.S") if known.get(key) == 0}
+
+
 def _drop_powers(channel: str, known: dict[str, float | None], dead_V: float) -> None:
     """|P| and S are at most V x I, and |P| at most S: the value that stands alone becomes null."""
     product, S = _product(channel, known), known.get(f"{channel}.S")
@@ -207,6 +229,8 @@ def _drop_powers(channel: str, known: dict[str, float | None], dead_V: float) ->
         known[f"{channel}.P"] = P = None
     if S is not None and product is not None and _above(S, product):
         known[f"{channel}.S"] = S = None
+    if channel != "total" and S and product is not None and product > _PF_ABOVE * S + 4 * _SMALL_VA:
+        known[f"{channel}.Irms"] = None  # more than any distortion makes of V x I
     if P is not None and S is not None and channel != "total" and _above(abs(P), S):
         known[f"{channel}.P"] = None
 

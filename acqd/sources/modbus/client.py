@@ -97,7 +97,7 @@ class ModbusClient:
         self._recent: deque[tuple[int, Read, bytes]] = deque(maxlen=_RECENT)  # unit, read and answer
         self._loop = asyncio.new_event_loop()
         self._clients: list[Any] = []
-        self._connections = connections if link.host else 1
+        self._connections = 1 if link.is_serial else connections
 
     def read(self, unit: int, reads: list[Read], pause_s: float = 0.0) -> list[bytes]:
         """The registers of each read, big-endian as on the wire; `pause_s` of silence [s] before each request on
@@ -125,7 +125,7 @@ class ModbusClient:
 
         async def work(client: Any) -> None:
             for number, (function, address, count) in queue:
-                if pause_s and not self.link.host:  # a gateway keeps the silence of its serial line itself
+                if pause_s and self.link.is_serial:  # a gateway keeps the silence of its serial line itself
                     await asyncio.sleep(pause_s)
                 answers[number] = await self._ask(client, unit, (function, address, count))
 
@@ -144,18 +144,18 @@ class ModbusClient:
         late answer has passed. A gateway with transaction ids of its own names no request either: its late answers end
         with the connection.
         """
-        if not self.link.host:
+        if self.link.is_serial:
             await asyncio.sleep(max(0.0, self._late.pop(unit, 0.0) - time.monotonic()))
             await self._silence(client)
         begun = time.monotonic()
         try:
             answer = await _one(client, unit, *read)
-            if not self.link.host and self._like_another(unit, read, answer):
+            if self.link.is_serial and self._like_another(unit, read, answer):
                 answer = await self._again(client, unit, read, answer)
             self._recent.append((unit, read, answer))
             return answer
         except ModbusError as error:
-            if error.code is None and not self.link.host:
+            if error.code is None and self.link.is_serial:
                 self._late[unit] = begun + _LATE * max(time.monotonic() - begun, self.link.timeout_s)
             elif error.code is None and not self._line.exact:
                 client.close()
@@ -233,8 +233,17 @@ async def _one(client: Any, unit: int, function: int, address: int, count: int) 
 
 def _make(link: ModbusLink, line: Line) -> Any:
     client: Any
+    # the longest question and answer take their time on a serial line
+    on_line_s = (8 + _LONGEST_ANSWER) * _BITS / link.baudrate if link.is_serial else 0.0
     if link.host:
-        client = AsyncModbusTcpClient(link.host, port=link.port, timeout=link.timeout_s, retries=0, reconnect_delay=0)
+        client = AsyncModbusTcpClient(
+            link.host,
+            framer=FramerType.RTU if link.is_serial else FramerType.SOCKET,
+            port=link.port,
+            timeout=link.timeout_s + on_line_s,
+            retries=0,
+            reconnect_delay=0,
+        )
     else:
         client = AsyncModbusSerialClient(
             link.serial_port or "",
@@ -242,12 +251,11 @@ def _make(link: ModbusLink, line: Line) -> Any:
             baudrate=link.baudrate,
             parity=link.parity,
             stopbits=link.stopbits,
-            # the longest question and answer take their time on the line
-            timeout=link.timeout_s + (8 + _LONGEST_ANSWER) * _BITS / link.baudrate,
+            timeout=link.timeout_s + on_line_s,
             retries=0,
             reconnect_delay=0,
         )
-    framer = LenientSocket if link.host else ResyncRtu
+    framer = ResyncRtu if link.is_serial else LenientSocket
     client.ctx.framer = framer(client.ctx.framer.decoder, line)
     client.register(_RawHolding)
     client.register(_RawInput)

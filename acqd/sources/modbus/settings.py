@@ -20,8 +20,15 @@ class ModbusLink:
     stopbits: Literal[1, 2] = 1
     timeout_s: float = 0.3
     """How long an answer may take [s]."""
+    framing: Literal["tcp", "rtu"] = "tcp"
+    """Of a host: "rtu" where a gateway passes the frames of its serial line on as they are."""
     echo: bool = False
     """RTU: the adapter returns every request before the answer. An echo is also recognised without this."""
+
+    @property
+    def is_serial(self) -> bool:
+        """Whether frames are those of a serial line: nothing in them names the request that an answer is for."""
+        return self.host is None or self.framing == "rtu"
 
     def __str__(self) -> str:
         return f"{self.host}:{self.port}" if self.host else f"{self.serial_port} at {self.baudrate} Bd"

@@ -12,6 +12,7 @@ from acqd.errors import InputError
 from acqd.metering import StreamFormat
 from acqd.metering.block import Codes
 from acqd.metering.delay import delayed
+from acqd.sources.recording import continuity, converter
 from acqd.sources.recording.averaging import averaged
 from acqd.sources.recording.channel import Recording
 from acqd.sources.recording.line_voltages import star_voltages
@@ -105,13 +106,15 @@ def _finished(
     notes: tuple[str, ...],
     flags: frozenset[str] = frozenset(),
 ) -> Waveform:
+    doubts = (*converter.remarks(recording.path, codes), *continuity.remarks(codes, form, recording.breaks))
     marks = marks_of(codes, form.rate, form.f_nominal)
-    said = (*notes, *recording.notes, *_remarks(marks))
+    said = (*notes, *recording.notes, *_remarks(marks), *doubts)
     breaks = tuple(recording.breaks)
     return Waveform(recording.path.name, codes, form, start, recording.simulated, said, flags, breaks, marks)
 
 
 _MEANINGS = {
+    "invalid": "samples stay at one value for half a cycle or longer, as in a gap that was filled",
     "clipped": "samples are cut at the end of the measuring range: values are too small",
     "rollover": "codes go beyond 16 bits and come back at the other end: values are wrong",
     "saturated": "a current transformer is saturated by a mean of its primary: values are too small",

@@ -8,17 +8,15 @@ from typing import Any
 import numpy as np
 
 from acqd.errors import InputError
-from acqd.metering.phasors import examine, phasors
-from acqd.metering.wiring_watch import Wired
 from acqd.sources.recording.build import waveform_of
 from acqd.sources.recording.channel import Recording, Role
 from acqd.sources.recording.roles import roles_of
 from acqd.sources.recording.selection import chosen, mapped, suggestion
 from acqd.sources.recording.units import UnknownUnitError, unit_of
+from acqd.sources.recording.wired import wired
 from acqd.sources.waveform import ChannelMap, Waveform
 
 _FIRST = 3  # readings that are shown
-_MINUTE_S = 60.0
 _LOOK = 200_000  # samples of which mean and RMS are
 
 
@@ -80,23 +78,12 @@ def inspect(recording: Recording, given: ChannelMap) -> tuple[Inspected, Wavefor
             waveform = waveform_of(recording, given)
         except InputError as error:
             result.refusal = str(error)
-    if waveform is not None and waveform.form.phases == 3:
-        wired = wiring_of(waveform).as_dict()
-        result.phasors = wired["phasors"]
-        result.wiring = [
-            f"{one['text']}; {one['correction']}" if one["correction"] else one["text"] for one in wired["findings"]
-        ]
+    if waveform is not None:
+        found = wired(waveform)
+        result.phasors, result.wiring = found.as_dict()["phasors"], [one.remedy for one in found.findings]
     result.start_utc_ns = waveform.start_utc_ns if waveform else recording.start_utc_ns
     result.notes = list(waveform.notes if waveform else recording.notes)
     return result, waveform
-
-
-def wiring_of(waveform: Waveform) -> Wired:
-    """What the phasors of the first minute say."""
-    form = waveform.form
-    values = waveform.codes[: round(_MINUTE_S * form.rate)] * np.array(form.scale)
-    found = phasors(values, form.rate, form.f_nominal)
-    return Wired(found, tuple(examine(found)))
 
 
 def _channel(recording: Recording, k: int, role: Role, key: str) -> InspectedChannel:

@@ -41,11 +41,29 @@ _DC = re.compile(r"^(?:[uvi]?dc\w*|\w*dc|batt?(?:ery)?\d*|[uv]bat\w*|dclink|zk|[
 _SYNC = re.compile(r"^[uv]?(?:sync\w*|syn|synch\w*)\d*$")
 _RESIDUAL = re.compile(
     r"^(?:3[uvi][0o]?|[uvi](?:n|ne|ng|e|g|gnd|pe|o|0|res\w*|resid\w*|earth|sum|neut\w*|ef|sef)\d?"
-    r"|neut\w*|neutral\w*|res|resid\w*|earth|ground|gnd|erde|sef|n|pe|zero|sum|summe|nul\w*)$"
+    r"|neut\w*|neutr\w*|homopol\w*|res|resid\w*|earth|ground|gnd|erde|sef|n|pe|zero|sum|summe|nul\w*)$"
 )
 _BETWEEN = re.compile(r"^([uv]?(ll|ltl|l2l|pp|ptp|delta)|verk\w*|compos\w*|concat\w*|compuest\w*)$")
 """Words that say "between lines" without saying between which."""
 _NEUTRAL = ("n", "e", "g", "pe")
+
+
+_WORDS_OF_OTHERS = (
+    (r"(?i)\b(?:a|phv|pnv)\.(?:neut|res|net)\b", "neutral"),  # IEC 61850-7-4: MMXU1.A.neut
+    (r"(?i)volsv", "voltage"), (r"(?i)ampsv", "current"), (r"(?i)instmag", "inst"),  # TVTR1.VolSv.instMag
+    ("电压|電圧|電壓", " voltage "), ("电流|電流", " current "), ("零序|中性", " neutral "), ("相", " phase "),
+    (r"(?i)tens(?:ão|ión)", "voltage"),
+    (r"(?i)напряжение", "voltage"), (r"(?i)\bток\b", "current"), (r"(?i)нейтрал\w*|\bнул\w*", "neutral"),
+)  # fmt: skip
+_CYRILLIC = str.maketrans("АВСавс", "ABCabc")
+"""Letters of phases that look alike."""
+
+
+def _latin(name: str) -> str:
+    """A name with the words of IEC 61850, and those that are not written in ASCII, in English."""
+    for word, english in _WORDS_OF_OTHERS:
+        name = re.sub(word, english, name)
+    return name.translate(_CYRILLIC)
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +79,7 @@ class Reading:
 
 def readings(name: str) -> list[Reading]:
     """All meanings of a channel's name; none where it says nothing."""
+    name = _latin(name)
     words = _words(name)
     quantity = next((_QUANTITY[word] for word in words if word in _QUANTITY and len(word) > 1), UNKNOWN)
     plain = [word for word in words if not (word in _QUANTITY and len(word) > 1)]
@@ -84,7 +103,7 @@ def readings(name: str) -> list[Reading]:
 
 def phase_field(text: str) -> list[Reading]:
     """Meanings of the field of the phase in COMTRADE: `A`, `L1-N`, `AB`, `N`, `3`; some recorders write `I1`."""
-    words = _words(text)
+    words = _words(_latin(text))
     if not words:
         return []
     if all(word in _NEUTRAL or _RESIDUAL.match(word) for word in words):

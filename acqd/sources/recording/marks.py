@@ -12,6 +12,7 @@ import numpy as np
 from acqd.arrays import Floats
 from acqd.metering.block import Codes
 from acqd.metering.integrity import clipped, rolled_over, saturated, shifted, uneven
+from acqd.sources.recording.continuity import held
 
 Marks = tuple[tuple[int, int, frozenset[str]], ...]
 """First sample, sample after the last, flags."""
@@ -36,6 +37,11 @@ def marks_of(codes: Codes, rate: float, f_nominal: float) -> Marks:
                 flags.setdefault(at, set()).add("rollover")
             elif clipped(part, size // 2):
                 flags.setdefault(at, set()).add("clipped")
+        for first, last in held(
+            x, 3 * size // 8 if k % 2 else size // 4
+        ):  # half waves of a load pause for half a cycle
+            for at in range(first // size, -(-last // size)):
+                flags.setdefault(at, set()).add("invalid")
         if k % 2:
             for at in _saturated(x, size):
                 flags.setdefault(at, set()).add("saturated")

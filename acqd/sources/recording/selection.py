@@ -197,6 +197,12 @@ def _ambiguity(recording: Recording, roles: list[Role]) -> str:
             "has voltages between lines; they need two or three of them and the currents of three lines: "
             f"--map u12=...,u23=...,i1=...,i2=...,i3=... {listing}"
         )
+    computed = [c.name for c, role in zip(recording.channels, roles, strict=True) if role.kind == "computed"]
+    if computed and not counts:
+        return (
+            f"has no voltage and current pair, but RMS or other computed values ({', '.join(computed[:_SHOWN])}); "
+            f"export the waveforms, or say which {noun}s are samples with --map u1=...,i1=..., {try_it}"
+        )
     return f"has no voltage and current pair; say which {noun}s with --map u1=...,i1=..., {try_it}"
 
 

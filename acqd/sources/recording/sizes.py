@@ -21,6 +21,8 @@ _MOST_V, _MOST_A = 800e3, 300e3
 _LOW_V = ((95.0, 130.0), (190.0, 260.0), (370.0, 750.0))
 """Voltages of three phases that low-voltage networks and secondary circuits have between lines (100 to 120, 200 to 240,
 380 to 690 V and a tenth more or less). Some of them others have to neutral: 120, 230, 400 V."""
+_SECONDARY_V = (50.0, 75.0)
+"""Voltages to neutral behind voltage transformers: 100, 110, 115 and 120 V between lines (IEC 61869-3)."""
 _HIGH_KV = (
     *(2.4, 3, 3.3, 4.16, 6, 6.6, 10, 11, 13.8, 15, 20, 22, 30, 33, 34.5, 45, 66, 69, 110, 115, 132, 138, 150, 161, 220),
     *(230, 275, 330, 345, 380, 400, 500, 765),
@@ -63,6 +65,12 @@ def hints(
         if large:
             listed, most = ", ".join(names[k] for k in large), rms[large].max()
             found.append(f"{listed}: {most:.3g} {unit}, more than any network has; is the scale wrong {ask}")
+    volts = rms[0::2]
+    if len(names) == 6 and _SECONDARY_V[0] < volts.min() and volts.max() < _SECONDARY_V[1]:
+        found.append(
+            f"{', '.join(names[0::2])}: {volts.mean():.4g} V, as behind voltage transformers of 100 to 120 V; are "
+            "these values secondary, without a ratio (--u-scale, --i-scale)?"
+        )
     if roles_by_name and len(names) == 6 and rms.max() <= _MOST_V:
         found += _line_voltages(channels, compare(codes, scale, *clock))
     return found

@@ -6,6 +6,7 @@ import time
 from dataclasses import dataclass, field
 
 from acqd.errors import UserError
+from acqd.sources.sampled_values.elsewhere import listen
 from acqd.sources.sampled_values.frame import FrameError, FrameLayout, parse
 from acqd.sources.sampled_values.settings import SampledValuesSettings
 from acqd.sources.sampled_values.wire import PacketSocket
@@ -104,9 +105,7 @@ def _chosen(streams: dict[tuple[str, int], Stream], settings: SampledValuesSetti
     if len(meant) == 1:
         return meant[0]
     if not streams:
-        raise UserError(
-            f"source.interface: no sampled values on {interface} within {_LISTEN_S} s; check cable and merging unit"
-        )
+        raise UserError(f"source.interface: no sampled values on {interface} within {_LISTEN_S} s; {listen(interface)}")
     if not meant:
         raise UserError(f"source.svid: {settings.svid!r} is not among the streams on {interface}: {heard}")
     raise UserError(f"source.svid: {interface} carries several streams, name one of {heard}")

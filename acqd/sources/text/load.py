@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -24,6 +25,13 @@ from acqd.sources.waveform import ChannelMap
 
 _HEAD_BYTES = 1 << 20
 _SAME_RATE = 5e-3  # how far the rate above a table may be from that of its times: increments are printed with 3 digits
+_EVEN = 0.01
+"""Of a step: how far the steps of a column without a name may be from each other to be those of times."""
+_TIME_STEPS_S = (1e-8, 5e-3)
+_THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:([.,' ])\d{3})+(?!\1)[.,]\d+")
+_MOST_CODE = 2**24
+_CODE_SCALE = re.compile(r"verticalscale|voltsdiv|voltsperdiv|vertscale|vscale")
+"""Lines of oscilloscopes that say V for a division: beside whole numbers these are codes of the converter."""
 _INDEX = ("sequence", "index", "sample", "samples", "no", "nr", "n", "point", "points", "number", "xindex")
 _TIMES = (*(key_of(name) for name in TIME_NAMES), "xvalue", "timesec", "timeaxis", "abstime", "reltime")
 
@@ -63,6 +71,10 @@ def _no_table(head: list[str], layout: Layout) -> str:
         return "has a header but no samples"
     known = f" (looks like {layout.title})" if layout.recognise else ""
     advice = f": {layout.advice}" if layout.advice else ""
+    separator = next((d for d in ";\t," if d in head[-1]), ",")
+    all_fields = (field for line in head for field in split_row(line, separator))
+    if grouped := next((field for field in all_fields if _THOUSANDS.fullmatch(field)), None):
+        return f"has separators of thousands ({grouped}); export numbers without them"
     for number, line in enumerate(head[1:], start=2):
         fields = split_row(line, next((d for d in ";\t," if d in head[0]), ","))
         bad = next((k for k, one in enumerate(fields) if one and not is_number(one, ".")), None)
@@ -127,6 +139,7 @@ class _Export:
         recording.samples = len(self.values[wanted[0]])
         if not recording.samples:
             raise InputError(self.text.path, "has a header but no samples")
+        self._refuse_codes(needed, given)
         found = clock.of_preamble(self.text.path, self.table, self.layout)
         if numeric:
             column = self.values.pop(times[0]) if times[0] not in needed else self.values[times[0]]
@@ -137,7 +150,7 @@ class _Export:
             doubt = () if given.rate else self._other_rate(found.rate, said.rate, times[0])
             found = Clock(said.rate, start, (*found.notes, *said.notes, *doubt))
         elif times:
-            found = self._of_stamps(times, given)
+            found = self._of_stamps(times, given, found)
         recording.rate, recording.start_utc_ns = found.rate, found.start_utc_ns
         recording.notes += found.notes
         recording.notes += [
@@ -186,7 +199,19 @@ class _Export:
                 continue
             if unit is not None or key in _TIMES:
                 return [k], unit or 1.0
+        if not any(names) and self._rises_evenly():
+            return [0], 1.0
         return [], 1.0
+
+    def _rises_evenly(self) -> bool:
+        """Whether the first column of a table without names rises as times in seconds do."""
+        rows = [split_row(line, self.table.separator) for line in self.head[self.table.first :] if line.strip()]
+        texts = [row[0].replace(",", ".") if self.table.decimal == "," else row[0] for row in rows]
+        if len(texts) < 10 or not all(is_number(one, ".") for one in texts):
+            return False
+        steps = np.diff(np.array([float(one) for one in texts]))
+        slack = _EVEN * steps.mean() + 2 * self._quantum(0)
+        return bool(_TIME_STEPS_S[0] < steps.mean() < _TIME_STEPS_S[1] and np.abs(steps - steps.mean()).max() < slack)
 
     def _time_unit(self, text: str) -> float | None:
         """Seconds per unit; None for units that are no time."""
@@ -207,8 +232,25 @@ class _Export:
                 digits = max(digits, places - (int(exponent) if exponent.lstrip("+-").isdigit() else 0))
         return 10.0**-digits
 
-    def _of_stamps(self, columns: list[int], given: ChannelMap) -> Clock:
-        """Clock of stamps in one column, or of date and time in two."""
+    def _refuse_codes(self, needed: list[int], given: ChannelMap) -> None:
+        """Raises InputError for whole numbers in all channels of an oscilloscope that says V for a division."""
+        scaled = next((key for key in self.table.preamble if _CODE_SCALE.search(key)), "")
+        if not scaled or not needed or given.u_scale is not None or given.i_scale is not None:
+            return
+        columns = [self.values[k] for k in needed]
+        whole = all((one == np.rint(one)).all() and np.abs(one).max() < _MOST_CODE for one in columns)
+        if whole and all(np.gcd.reduce(one.astype(np.int64)) == 1 for one in columns):
+            raise InputError(
+                self.text.path,
+                f"its channels hold whole numbers beside {scaled!r}, as codes of a converter; export volts (GW "
+                "Instek: Detail), or say with --u-scale and --i-scale what a code is (vertical scale / 25)",
+            )
+
+    def _of_stamps(self, columns: list[int], given: ChannelMap, above: Clock) -> Clock:
+        """Clock of stamps in one column, or of date and time in two; of coarse ones the start alone.
+
+        `above`: what the lines above the table say.
+        """
         seconds = np.fromiter(self._stamped(columns), dtype=np.float64)
         joined = " ".join(self._first_fields()[k] for k in columns)
         first = clock.read_stamp(joined) or clock.read_stamp(self._first_fields()[columns[-1]])
@@ -217,7 +259,14 @@ class _Export:
         places = len(self._first_fields()[columns[-1]].replace(",", ".").rpartition(".")[2].rstrip("Zz "))
         has_fraction = "." in self._first_fields()[columns[-1]].replace(",", ".")[-12:]
         quantum = 10.0 ** -(places if has_fraction and places <= 9 else 0)
-        said = of_times(self.text.path, seconds, quantum, given, self.table.first + 1)
+        try:
+            said = of_times(self.text.path, seconds, quantum, given, self.table.first + 1)
+        except InputError:
+            period = 1 / above.rate if above.rate else 0.0
+            lasts = float(seconds[-1] - seconds[0]) - (len(seconds) - 1) * period
+            if not period or quantum < period or abs(lasts) > 2 * quantum:  # rows are missing, or the rate is wrong
+                raise
+            return Clock(above.rate, start, (*notes, "its stamps are coarse: the rate above the table counts"))
         return Clock(said.rate, start, notes)
 
     def _stamped(self, columns: list[int]) -> Iterator[float]:

@@ -18,6 +18,15 @@ HEAD_LINES = 400
 _BESIDE = 60  # lines in which the preamble stands beside the table
 _RUN = 3  # consecutive rows that make a table, if the file has as many
 _COMMENT = re.compile(r'^\s*"?(?:#|%|//|;(?![\d\s.,;-]*$))+\s*')
+_COMMENT_BESIDE_SEMICOLONS = re.compile(r'^\s*"?(?:#|%|//)+\s*')
+_DATA = re.compile(r"(?i)(?:wave\s?form\s)?(?:data|daten|values)\b.*|begin.*")
+"""A line of one field between the names and the numbers."""
+_LABELS = ("trace", "tracename", "channel", "channels", "ch", "signal", "name", "unit", "units", "vunit")
+"""First field of a row of names or units where the rows of numbers have none."""
+_NO_UNITS = ("sequence", "no", "nr", "rn", "record", "ts", "time", "timestamp", "date", "datetime")
+"""What stands for the unit of a column of numbers of rows, or of stamps."""
+_TAKEN_AS = ("smp", "sample", "inst")
+"""What data loggers write below the unit of a sample (Campbell TOA5)."""
 _DIALECTS = (("\t", "."), (";", "."), (",", "."), ("\t", ","), (";", ","), ("|", "."), (" ", "."), (" ", ","))
 _KEY_UNIT = re.compile(r"(.+?)\s*[\[(]\s*([^\[\]()]+?)\s*[\])]\s*$")
 """A key of the preamble with the unit of its value: `Sample Rate [kS/s]`."""
@@ -127,17 +136,18 @@ def is_number(text: str, decimal: str) -> bool:
 
 def _read_header(table: Table, lines: list[str], layout: Layout) -> None:
     """Names, units and preamble from the lines above the table."""
-    above = [_COMMENT.sub("", line) for line in lines[: table.first if not layout.columns else _BESIDE]]
+    comment = _COMMENT_BESIDE_SEMICOLONS if table.separator == ";" else _COMMENT
+    above = [comment.sub("", line) for line in lines[: table.first if not layout.columns else _BESIDE]]
     rows = [split_row(line, table.separator) for line in above]
     for line, row in zip(above, rows, strict=True):
         _note(table, line, row[: min(layout.columns)] if layout.columns else row)
     for text in (text for row in rows for text in row):
         if beside := re.fullmatch(r"(?i)tinc\s*=\s*(\S+)", text):  # Rigol: CH1V,CH2V,t0 = -0.1, tInc = 1e-05,
             table.stray["increment"] = beside[1].rstrip("s")
-    candidates = [k for k in range(table.first - 1, -1, -1) if any(rows[k])]
+    candidates = [k for k in range(table.first - 1, -1, -1) if any(rows[k]) and not _announces_data(rows[k])]
     if layout.names_row:
         candidates = [layout.names_row - 1]
-    names_at = _header_rows(table, rows, candidates, layout)
+    names_at = _header_rows(table, [_unlabelled(row, table.width) for row in rows], candidates, layout)
     table.names = _padded(_named(table, layout.names) or names_at, table.width)
     if named := _named(table, layout.units):
         table.units = _padded(named, table.width)
@@ -171,6 +181,19 @@ def _header_rows(table: Table, rows: list[list[str]], candidates: list[int], lay
     return []
 
 
+def _announces_data(row: list[str]) -> bool:
+    """Whether a line above the numbers is neither names nor units."""
+    said = [text for text in row if text]
+    if row[0].endswith(":"):  # a line of the preamble
+        return True
+    return (len(said) == 1 and _DATA.fullmatch(said[0]) is not None) or all(key_of(one) in _TAKEN_AS for one in said)
+
+
+def _unlabelled(row: list[str], width: int) -> list[str]:
+    """`Unit,V,A` above rows of two numbers is V and A."""
+    return row[1:] if len(_filled(row)) == width + 1 and key_of(row[0]) in _LABELS else row
+
+
 def _fits(row: list[str], width: int) -> bool:
     """Whether a row may hold the names or units of a table of this width."""
     return len(row) >= width - 1 and len(row) > 1 and len([text for text in row if text]) >= min(width - 1, 2)
@@ -183,8 +206,8 @@ def _are_units(row: list[str]) -> bool:
         bare = _bare(text)
         if not bare or is_number(bare, "."):
             continue
-        if key_of(bare) == "sequence":
-            seen += 1
+        if key_of(bare) in _NO_UNITS:
+            seen += key_of(bare) == "sequence"
             continue
         try:
             unit = unit_of(bare)

@@ -82,10 +82,12 @@ def test_what_does_not_say_enough_is_refused(tmp_path, variables, complaint):
         load_waveform(mat(tmp_path, **variables))
 
 
-def test_numbers_that_contradict_the_times_and_codes_without_a_scale_are_noted(tmp_path):
-    waveform = load_waveform(mat(tmp_path, t=T, u1=np.rint(U).astype("i2"), i1=np.rint(I).astype("i2"), fs=9_000.0))
+def test_numbers_that_contradict_the_times_are_noted_and_codes_without_a_scale_refused(tmp_path):
+    path = mat(tmp_path, t=T, u1=np.rint(U).astype("i2"), i1=np.rint(I).astype("i2"), fs=9_000.0)
+    with pytest.raises(InputError, match=r"whole numbers.*--u-scale"):
+        load_waveform(path)
+    waveform = load_waveform(path, ChannelMap({"u1": "u1", "i1": "i1"}, u_scale=1.0, i_scale=1.0))
     assert any("9000" in note and "times count" in note for note in waveform.notes)
-    assert any("integers without a unit" in note for note in waveform.notes)
 
 
 def test_an_attribute_that_may_be_a_scale_is_not_applied_without_a_word(tmp_path):

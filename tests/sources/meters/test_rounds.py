@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import struct
+
+import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from acqd.sources.meters import Reading, load_profile
+from acqd.sources.meters.agreement import EnergyAgreement
 from acqd.sources.meters.decode import quantity
 from acqd.sources.meters.profile import Register
 from acqd.sources.meters.rounds import RoundJudge
@@ -162,3 +166,49 @@ def test_p_that_reads_0_for_a_moment_is_no_measurement_beside_s_and_pf():
     assert values["L1.P"] is None and values["L1.PF"] is None and values["L2.P"] == 414.0
     distorted = good(L1_P=230.0, L1_PF=1.0)  # cos phi of a load whose current has a THD of 173 %
     assert judge.judge(distorted, 2 * SECOND).values["L1.P"] == 230.0
+
+
+def swapped(value):
+    """A float32 whose words are exchanged."""
+    high, low = struct.unpack(">HH", struct.pack(">f", value))
+    return struct.unpack(">f", struct.pack(">HH", low, high))[0]
+
+
+def test_another_word_order_in_a_running_meter_is_no_measurement_and_no_reset():
+    judge = RoundJudge(230.0)
+    judge.judge(good(), 0)
+    for k in range(1, 30):
+        values = {name: swapped(value) for name, value in good(total_W=1000.0 + 0.01 * k).items()}
+        judged = judge.judge(values, k * SECOND)
+        assert not any(value is not None for value in judged.values.values()) and judged.flags == {"invalid"}
+    assert judge.judge(good(total_W=1000.3), 30 * SECOND).values["total.W"] == 1000.3
+
+
+def test_a_phase_without_voltage_that_carries_current_has_no_power():
+    dead = {"L2_Vrms": 0.0, "L2_P": 0.0, "L2_S": 0.0, "L2_PF": 0.0, "total_P": 828.0, "total_S": 920.0}
+    judged = RoundJudge(230.0).judge(good(**dead), 0)
+    assert {name for name, value in judged.values.items() if value is None} == {"L2.Vrms", "L2.P", "L2.S"}
+    assert judged.flags == {"invalid"}
+    assert not RoundJudge(230.0).judge(good(**dead, L2_Irms=0.0), 0).flags  # a phase that is off
+    assert RoundJudge(230.0).judge(good(L1_Irms=9_999.0), 0).values["L1.Irms"] is None
+
+
+@pytest.mark.parametrize(
+    ("power", "rise", "said"),
+    [
+        (1242.0, 1.0, ""),
+        (1242.0, 10.0, "10 times as fast"),
+        (1242.0, 1e-3, "0.001 times as fast"),
+        (1242.0, 0.0, "stands still"),
+        (-1242.0, 1.0, "import rises while P is negative"),
+        (-1242.0, 0.0, ""),
+    ],
+)
+def test_an_energy_that_contradicts_the_power_is_said_once(power, rise, said):
+    agreement = EnergyAgreement()
+    hours = np.arange(0, 8, 1 / 60)
+    remarks = [
+        agreement.feed({"total.P": power, "total.W": 1000 + 1.242 * rise * h}, round(3600 * h * SECOND)) for h in hours
+    ]
+    heard = [one for one in remarks if one]
+    assert len(heard) == bool(said) and said in "".join(heard)

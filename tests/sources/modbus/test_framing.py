@@ -287,3 +287,22 @@ def test_a_late_answer_of_a_gateway_with_ids_of_its_own_shifts_no_read(own):
 
     server = gateway(late, held.clear)
     reads_after_a_late_answer(server)
+
+
+def test_a_gateway_that_passes_rtu_frames_on_is_read_with_its_framing():
+    server = socket.create_server(("127.0.0.1", 0))
+
+    def run():
+        peer = server.accept()[0]
+        while frame := peer.recv(260):
+            first, count = struct.unpack(">HH", frame[2:6])
+            body = bytes([frame[0], frame[1], 2 * count]) + b"".join(struct.pack(">H", first + k) for k in range(count))
+            peer.sendall(b"\xff" + sealed(body))  # with a stray byte
+
+    threading.Thread(target=run, daemon=True).start()
+    client = ModbusClient(ModbusLink("127.0.0.1", server.getsockname()[1], timeout_s=30.0, framing="rtu"))
+    for first, count in ((0, 2), (10, 3)):
+        [data] = client.read(5, [(4, first, count)])
+        assert struct.unpack(f">{count}H", data) == tuple(range(first, first + count))
+    client.close()
+    server.close()

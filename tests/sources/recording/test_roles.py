@@ -67,6 +67,26 @@ def test_phase_voltages_win_over_those_between_lines_in_any_order():
         assert metered(names + " IA IB IC")["u1"] == "VA"
 
 
+@pytest.mark.parametrize(
+    ("text", "u2", "i2"),
+    [
+        ("MMXU1.PhV.phsA|V MMXU1.PhV.phsB|V MMXU1.PhV.phsC|V MMXU1.A.neut|A MMXU1.A.phsA|A MMXU1.A.phsB|A "
+         "MMXU1.A.phsC|A", "MMXU1.PhV.phsB", "MMXU1.A.phsB"),
+        ("TVTR1.VolSv.instMag|V|A TVTR2.VolSv.instMag|V|B TVTR3.VolSv.instMag|V|C TCTR1.AmpSv.instMag|A|A "
+         "TCTR2.AmpSv.instMag|A|B TCTR3.AmpSv.instMag|A|C TCTR4.AmpSv.instMag|A|N", "TVTR2.VolSv.instMag",
+         "TCTR2.AmpSv.instMag"),
+        ("Tensão_A|V Tensão_B|V Tensão_C|V Corrente_A|A Corrente_B|A Corrente_C|A Corrente_Neutro|A", "Tensão_B",
+         "Corrente_B"),
+        ("Напряжение_A|V Напряжение_B|V Напряжение_C|V Ток_A|A Ток_B|A Ток_C|A Ток_нейтрали|A", "Напряжение_B",
+         "Ток_B"),
+        ("零序电流|A A相电压|V B相电压|V C相电压|V A相电流|A B相电流|A C相电流|A", "B相电压", "B相电流"),
+    ],
+)  # fmt: skip
+def test_names_of_iec_61850_and_of_other_languages(text, u2, i2):
+    found = metered(text)
+    assert (found["u2"], found["i2"]) == (u2, i2) and len(found) == 6
+
+
 def test_the_phase_field_names_channels_whose_names_say_nothing():
     text = "x|V|AN y|V|BN z|V|C-N p|A|A q|A|B k|A|3"
     with pytest.raises(InputError):  # letters and a number are of two families, but mean phases all the same

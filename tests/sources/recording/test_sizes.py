@@ -33,9 +33,16 @@ def test_phases_with_the_size_of_voltages_between_lines_are_asked_about(volts):
     assert not said(samples(volts, third=0.004))  # also at three times the frequency
 
 
-@pytest.mark.parametrize("volts", [57.7, 66.4, 277.0, 347.0, 6_351.0, 11_547.0, 63_508.0, 230.9e3])
+@pytest.mark.parametrize("volts", [277.0, 347.0, 6_351.0, 11_547.0, 63_508.0, 230.9e3])
 def test_voltages_to_neutral_are_not(volts):
     assert not said(samples(volts))
+
+
+@pytest.mark.parametrize("volts", [57.7, 63.5, 66.4])
+def test_voltages_behind_transformers_without_a_ratio_are_asked_about(volts):
+    assert "these values secondary, without a ratio (--u-scale, --i-scale)?" in said(
+        samples(volts), roles_by_name=False
+    )
 
 
 def test_the_question_shows_what_the_angles_make_of_either_answer():

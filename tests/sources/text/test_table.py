@@ -62,10 +62,13 @@ def test_headers_in_latin_1(tmp_path):
     write_csv(path, header="time,U_Küche,I_Küche")
     path.write_bytes(path.read_text().encode("latin-1"))
     assert load_waveform(path, ChannelMap({"u1": "U_Küche", "i1": "I_Küche"})).form.phases == 1
-    path.write_bytes(path.read_text("latin-1").encode("utf-16"))
+    text = path.read_text("latin-1")
+    path.write_bytes(text.encode("utf-16"))
+    assert load_waveform(path, ChannelMap({"u1": "1", "i1": "2"})).form.phases == 1  # its first two bytes say so
+    path.write_bytes(text.encode("utf-16-le"))
     with pytest.raises(InputError, match="--encoding utf-16"):
         load_waveform(path)
-    assert load_waveform(path, ChannelMap({"u1": "1", "i1": "2"}, encoding="utf-16")).form.phases == 1
+    assert load_waveform(path, ChannelMap({"u1": "1", "i1": "2"}, encoding="utf-16-le")).form.phases == 1
 
 
 @pytest.mark.parametrize("header", ["time,u1,i1,u1,i1", "time,u,i,v1,x"])
@@ -143,3 +146,63 @@ def test_a_field_of_many_digits_is_looked_through_once():
     digits = "9" * 200_000  # a search that goes back from every digit takes minutes
     assert is_number(digits, ".") and is_number(digits + ".5e3", ".") and is_number(f"-{digits},", ",")
     assert not is_number(digits + "x", ".") and not is_number(digits + ",1", ".")
+
+
+def written(folder, head, rows, encoding="utf-8"):
+    path = folder / "a.csv"
+    path.write_text("\n".join([*head, *rows]) + "\n", encoding=encoding)
+    return path
+
+
+T = np.arange(1_000) / 4_000
+VOLTS, AMPERES = 325.27 * np.sin(314.159 * T), 7.0711 * np.sin(314.159 * T - 0.5)
+PLAIN = [f"{t:.5f},{u:.4f},{i:.4f}" for t, u, i in zip(T, VOLTS, AMPERES, strict=True)]
+GERMAN = [row.replace(",", ";").replace(".", ",") for row in PLAIN]
+STAMPED = [f"2024/03/01 10:00:00,{row.partition(',')[2]}" for row in PLAIN]
+
+
+@pytest.mark.parametrize(
+    ("head", "rows"),
+    [
+        (["Zeit;U_L1;I_L1", "s;V;A"], GERMAN),
+        (["Zeit;U_L1;I_L1", ";V;A"], GERMAN),  # no unit of the time: nothing moves to the left
+        (["sep=;", "time [s];U_L1 [V];I_L1 [A]"], GERMAN),
+        (["Rate,4000", "Trace,U1,I1", "Unit,V,A"], [row.partition(",")[2] for row in PLAIN]),
+        (["Time [s],u1 [V],i1 [A]", "Waveform Data,"], PLAIN),
+        (["Sampling interval,250us", "Date&Time,CH1,CH2", "Time,V,A"], STAMPED),
+        (['"TIMESTAMP","U_L1","I_L1"', '"TS","V","A"', '"","Smp","Smp"'], PLAIN),
+    ],
+)
+def test_rows_of_units_stand_above_their_columns(tmp_path, head, rows):
+    waveform = load_waveform(written(tmp_path, head, rows))
+    rms = np.sqrt(((waveform.codes * np.array(waveform.form.scale))[:960] ** 2).mean(axis=0))
+    assert rms == pytest.approx([230, 5], rel=1e-3) and waveform.form.rate == pytest.approx(4_000, rel=1e-4)
+
+
+def test_times_without_a_name_and_names_with_their_unit_are_understood(tmp_path):
+    path = written(tmp_path, ["XInc:,2.5E-04", "Frame:,DSO-S 254A", "Data:,"], PLAIN)
+    assert load_waveform(path, ChannelMap({"u1": "1", "i1": "2"})).form.rate == pytest.approx(4_000)
+    path = written(tmp_path, ["time [s],CH1 [V],CH2 [A]"], PLAIN)
+    assert load_waveform(path, ChannelMap({"u1": "CH1 [V]", "i1": "CH2"})).form.phases == 1
+
+
+@pytest.mark.parametrize(
+    ("head", "rows", "said"),
+    [
+        (["Vertical Scale,100,5", "Sampling Period,250us", "CH1 [V],CH2 [A]"],
+         [f"{round(u / 4)},{round(5 * i)}" for u, i in zip(VOLTS, AMPERES, strict=True)], "codes of a converter"),
+        (["t [s];u1 [V];i1 [A]"], [f"0,0;1.{k % 900 + 100}.000,25;1,5" for k in range(50)], "separators of thousands"),
+        (["time,u1 [V],i1 [A]"], [f"{4 * k},{row.partition(',')[2]}" for k, row in enumerate(PLAIN)], "times right"),
+        (["time [s],V1 RMS (V),A1 RMS (A)"], PLAIN, "RMS or other computed values"),
+    ],
+)  # fmt: skip
+def test_what_a_table_cannot_mean_is_refused_with_the_reason(tmp_path, head, rows, said):
+    with pytest.raises(InputError, match=said):
+        load_waveform(written(tmp_path, head, rows))
+
+
+def test_stamps_that_leave_rows_out_are_not_overruled_by_a_rate_above_them(tmp_path):
+    stamps = [f"2024-03-01T10:00:{t + (0.5 if t > 0.1 else 0):09.6f}" for t in T]
+    rows = [f"{stamp},{row.partition(',')[2]}" for stamp, row in zip(stamps, PLAIN, strict=True)]
+    with pytest.raises(InputError):
+        load_waveform(written(tmp_path, ["Sample rate,4000", "time,u1 [V],i1 [A]"], rows))
