@@ -230,4 +230,4 @@ def _quality_section(quality: Path | None, **details: bool) -> QualitySection:
     for name, wanted in details.items():
         if wanted and quality is None:
             raise UserError(f"--{name.replace('_', '-')} belongs to rows of power quality; give --quality FILE too")
-    return QualitySection(**details)
+    return QualitySection.model_validate(details)

@@ -102,9 +102,9 @@ def _turns(f: float, rate: float, samples: int, highest: int, start: float, stop
     Harmonics may change at a steady rate, as they do where f lies between two trials. Columns that are even about the
     middle of the stretch are orthogonal to odd ones, and the two kinds are fitted one after the other.
     """
-    time = (np.arange(samples) + 0.5 - samples / 2) / rate
+    time: Floats = (np.arange(samples, dtype=np.float64) + 0.5 - samples / 2) / rate
     edges = (np.array((start, stop)) - samples / 2) / rate
-    steps = np.arange(_STEP_S, time[-1], _STEP_S)
+    steps: Floats = np.arange(_STEP_S, time[-1], _STEP_S, dtype=np.float64)
     turn = 2 * np.pi * f * np.outer(time, np.arange(1, highest + 1))
     cos, sin = np.cos(turn), np.sin(turn)
     drift = time[:, None] * 10

@@ -63,7 +63,7 @@ def _refuse_other_order(path: Path, values: NDArray[Any]) -> None:
         return
     part = values[:_LOOK] * np.hanning(len(values[:_LOOK]))[:, None]
     lines = np.fft.rfft(part, axis=0)[1:]
-    line = lines[int(np.argmax(np.abs(lines).sum(axis=1)))] if len(lines) else np.zeros(count)
+    line = lines[int(np.argmax(np.abs(lines).sum(axis=1)))] if len(lines) else np.zeros(count, dtype=np.complex128)
     if not _is_system(line[0::2]) and _is_system(line[: count // 2]):
         keys = ",".join(f"{q}{k + 1}={k + (q == 'i') * count // 2}" for k in range(count // 2) for q in "ui")
         raise InputError(

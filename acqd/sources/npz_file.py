@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import zipfile
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -82,7 +83,7 @@ def _named(path: Path, data: dict[str, Any], given: ChannelMap) -> Recording:
         if array.dtype.kind in "iuf" and array.size == 1:
             contents.numbers[key] = float(array.reshape(()))
         elif array.dtype.kind in "iuf":
-            contents.add(key, array.shape, lambda array=array: array)
+            contents.add(key, array.shape, partial(data.__getitem__, key))
     return recording_of(path, "NPZ of named arrays", contents, given, "save u_V, i_A and fs with numpy.savez")
 
 

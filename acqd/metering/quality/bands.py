@@ -45,8 +45,9 @@ def bands(
     even = resampled(x, start, length / points, points)
     lines = without(responses, np.fft.rfft(even, axis=1) * (np.sqrt(2) / points), f / cycles)
     squares = lines.real * lines.real + lines.imag * lines.imag
-    at = np.arange(squares.shape[1]) * (f / cycles)
-    return tuple(_grouped(squares, at, width, WIDE.passband * rate) for width in (NARROW_Hz, BROAD_Hz))
+    at: Floats = np.arange(squares.shape[1], dtype=np.float64) * (f / cycles)
+    known = WIDE.passband * rate
+    return _grouped(squares, at, NARROW_Hz, known), _grouped(squares, at, BROAD_Hz, known)
 
 
 def _grouped(squares: Floats, at: Floats, width: float, known: float) -> Floats:

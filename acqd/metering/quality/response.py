@@ -36,7 +36,7 @@ def without(responses: Sequence[Response | None], lines: Lines, f_line: float) -
     """`lines` [channels, lines], `f_line` Hz apart and in the order U1, I1, U2 ..., as the primary sides have them."""
     if not any(responses):
         return lines
-    hertz = np.arange(lines.shape[1]) * f_line
+    hertz: Floats = np.arange(lines.shape[1], dtype=np.float64) * f_line
     result = lines.copy()
     for first, response in enumerate(responses):
         if response is not None:

@@ -25,7 +25,7 @@ def remarks(path: Path, codes: Codes) -> tuple[str, ...]:
     """What to say of codes [samples, channels] of 16 bits. Raises InputError for exchanged bytes."""
     if codes.dtype != np.int16 or len(codes) < 2:
         return ()
-    part: NDArray[np.int16] = codes[:_LOOK]
+    part = np.asarray(codes[:_LOOK], dtype=np.int16)
     swapped = [k for k in range(part.shape[1]) if _swapped(part[:, k])]
     if swapped:
         raise InputError(
