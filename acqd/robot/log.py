@@ -17,6 +17,7 @@ from acqd.robot.garbled import BEYOND, FEW, beyond_limit, clock_restart, garbled
 from acqd.robot.log_layout import LABELS, PER_AXIS, Columns, layout_of, twice, why_not
 from acqd.robot.motion import MotionQuality, doubtful_rows, unwrapped
 from acqd.robot.resolution import resolution, smoothed, smoothing_of
+from acqd.robot.row_clock import LateStamps, clock_fault, late_stamps
 from acqd.robot.table import Table, read_table
 from acqd.robot.tool_point import check_tool_point
 from acqd.rounded_times import Rebuilt, rebuilt_times, shared_stamps
@@ -98,7 +99,7 @@ def log_of(path: Path, table: Table, robot: RobotDescription) -> RobotLog:
     usual = float(np.median(log.time))  # single stamps may be garbled
     if usual > LATEST_S:
         raise InputError(path, f"its times are about {usual:.4g} s; expected seconds before 2200; in ms or ns?")
-    log, stamps = _with_distinct_times(log)
+    log, stamps = _with_even_times(*_with_distinct_times(log), robot)
     point = table.values[:, found[1]["tool_point"]] if "tool_point" in found[1] else None
     recorded, log = log.q, _unwrapped(log, robot)
     faults = garbled_rows(log.time, log.q, robot) | table.broken
@@ -115,6 +116,7 @@ def log_of(path: Path, table: Table, robot: RobotDescription) -> RobotLog:
         back = f"time goes back from {log.time[restart - 1]:.3f} to {log.time[restart]:.3f} s"
         raise InputError(path, f"row {table.line(restart)}: {back} with other angles: write one file per recording")
     order = np.unique(log.time, return_index=True)[1]
+    order = order[np.concatenate([[True], (np.diff(log.q[order], axis=0) != 0).any(axis=1)])]  # poses may be held
     jump = impossible_jump(log.time[order], log.q[order], robot)
     if jump is not None:
         where = f"row {table.line(order[jump[0] + 1])}"
@@ -122,7 +124,7 @@ def log_of(path: Path, table: Table, robot: RobotDescription) -> RobotLog:
     if point is not None:
         check_tool_point(path, robot, log.q, point)
     wrapped = tuple(robot.joint[axis].name for axis in np.flatnonzero((recorded != log.q).any(axis=0)))
-    return _trusted(log, robot, wrapped, stamps)
+    return _trusted(log, robot, wrapped, stamps, table)
 
 
 def _with_distinct_times(log: RobotLog) -> tuple[RobotLog, Rebuilt | None]:
@@ -150,6 +152,30 @@ def _with_distinct_times(log: RobotLog) -> tuple[RobotLog, Rebuilt | None]:
     return replace(log, time=origin + rebuilt.time), rebuilt
 
 
+def _with_even_times(
+    log: RobotLog, rebuilt: Rebuilt | None, robot: RobotDescription
+) -> tuple[RobotLog, Rebuilt | LateStamps | None]:
+    """The log with the times of the controller's rate where the stamps are those of a recorder, and how."""
+    good = np.flatnonzero(np.isfinite(log.time) & np.isfinite(log.q).all(axis=1))
+    if rebuilt is not None or len(good) < 2:
+        return log, rebuilt
+    rows = good[np.unique(log.time[good], return_index=True)[1]]
+    if not (np.diff(rows) > 0).all():  # rows that are not in order tell nothing of who stamped them
+        return log, None
+    origin = float(np.median(log.time[good]))
+    late = late_stamps(log.time[rows] - origin, log.q[rows], robot.speed, _steps(log.q[rows]))
+    if late is None:
+        return log, None
+    time = log.time.copy()
+    time[rows] = origin + late.time
+    return replace(log, time=time), late
+
+
+def _steps(q: Floats) -> Floats:
+    """[axes] rad or m: how finely angles [T, axes] are written."""
+    return np.array([resolution(angle) for angle in q.T])
+
+
 def _unwrapped(log: RobotLog, robot: RobotDescription) -> RobotLog:
     """The log without jumps of its angles by whole turns."""
     good = np.flatnonzero(np.isfinite(log.time) & np.isfinite(log.q).all(axis=1))
@@ -164,11 +190,25 @@ def _unwrapped(log: RobotLog, robot: RobotDescription) -> RobotLog:
     return replace(log, q=angles)
 
 
-def _trusted(log: RobotLog, robot: RobotDescription, wrapped: tuple[str, ...], rebuilt: Rebuilt | None) -> RobotLog:
-    """The log without rows whose pose is not that of their time, and without quantities that are not measured."""
+def _trusted(
+    log: RobotLog,
+    robot: RobotDescription,
+    wrapped: tuple[str, ...],
+    rebuilt: Rebuilt | LateStamps | None,
+    table: Table,
+) -> RobotLog:
+    """The log without rows whose pose is not that of their time, and without quantities that are not measured.
+
+    Raises InputError where the times are not those of the poses at all.
+    """
     stamps, rows = in_time(log)
-    q_step = np.array([resolution(angle) for angle in log.q[rows].T])
+    q_step = _steps(log.q[rows])
     doubts = doubtful_rows(stamps, log.q[rows], robot.speed, q_step)
+    new = np.flatnonzero(~doubts.repeated)
+    fault = clock_fault(stamps[new], log.q[rows[new]], robot.speed, q_step)
+    if fault is not None and fault.refused:
+        where = "" if fault.row is None else f"row {table.line(int(rows[new[fault.row]]))}: "
+        raise InputError(log.path, where + fault.text)
     moves = np.ptp(log.q, axis=0) > _MOVED
     known = {name: values for name in _TITLES if (values := getattr(log, name)) is not None and len(values)}
     stuck = {name: axes for name, values in known.items() if (axes := _stuck(name, values, moves)).any()}
@@ -182,7 +222,9 @@ def _trusted(log: RobotLog, robot: RobotDescription, wrapped: tuple[str, ...], r
         angles = log.q.copy()
         angles[rows[good]] = smoothed(stamps[good], log.q[rows[good]], smoothing.windows_s)
         log = replace(log, q=angles)
-    quality = doubts.quality(unwrapped=wrapped, unmeasured=unmeasured, rebuilt=rebuilt, smoothing=smoothing)
+    quality = doubts.quality(
+        unwrapped=wrapped, unmeasured=unmeasured, rebuilt=rebuilt, fault=fault, smoothing=smoothing
+    )
     gone: dict[str, Any] = dict.fromkeys(stuck)
     log = replace(log, quality=quality, **gone)
     if not quality.bad:

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from acqd.arrays import Floats
 from acqd.numerics import mad_sigma, runs_of_true
 from acqd.robot.resolution import Smoothing
+from acqd.robot.row_clock import ClockFault, LateStamps
 from acqd.rounded_times import Rebuilt
 
 Flags = NDArray[np.bool_]
@@ -73,8 +74,10 @@ class MotionQuality:
     """Joints whose angle jumped by whole turns."""
     unmeasured: tuple[str, ...] = ()
     """Quantities that do not change while the arm moves: "the torque of every joint"."""
-    rebuilt: Rebuilt | None = None
-    """How the times of rows that share a stamp were put right."""
+    rebuilt: Rebuilt | LateStamps | None = None
+    """How the times of rows that share a stamp, or were stamped late, were put right."""
+    fault: ClockFault | None = None
+    """Why the times are not quite those of the poses."""
     smoothing: Smoothing | None = None
     """How finely positions and times are written, where the positions had to be smoothed."""
 
@@ -97,6 +100,7 @@ class MotionQuality:
         """
         stamp_s = self.rebuilt.error_s if self.rebuilt else self.smoothing.age_error_s if self.smoothing else 0.0
         share = self.repeated / max(self.moving, 1)
+        stamp_s += self.fault.missing_s / 2 if self.fault else 0.0
         return stamp_s + (self.row_s * (1 - share) if share > _HELD_SHARE else 0.0)
 
     def as_json(self) -> dict[str, object]:
@@ -111,12 +115,15 @@ class MotionQuality:
             "unwrapped": list(self.unwrapped),
             "unmeasured": list(self.unmeasured),
             "shared_stamps": self.rebuilt.shared if self.rebuilt else 0,
+            "late_stamps_ms": round(1000 * self.rebuilt.most_s, 1) if isinstance(self.rebuilt, LateStamps) else 0.0,
+            "missing_rows_ms": round(1000 * self.fault.missing_s, 1) if self.fault else 0.0,
             "smoothed_over_ms": round(1000 * self.smoothing.longest_s) if self.smoothing else 0,
         }
 
     def sentences(self) -> list[str]:
         """What a user should know; empty for a clean log."""
-        found = [*([self.rebuilt.sentence()] if self.rebuilt else []), *self.left_out()]
+        found = [*([self.rebuilt.sentence()] if self.rebuilt else []), *([self.fault.text] if self.fault else [])]
+        found += self.left_out()
         if self.smoothing:
             found.append(self.smoothing.sentence())
         if self.unwrapped:
@@ -167,7 +174,8 @@ class Doubts:
         *,
         unwrapped: tuple[str, ...] = (),
         unmeasured: tuple[str, ...] = (),
-        rebuilt: Rebuilt | None = None,
+        rebuilt: Rebuilt | LateStamps | None = None,
+        fault: ClockFault | None = None,
         smoothing: Smoothing | None = None,
     ) -> MotionQuality:
         """Counts of the rows."""
@@ -183,6 +191,7 @@ class Doubts:
             unwrapped,
             unmeasured,
             rebuilt,
+            fault,
             smoothing,
         )
 
