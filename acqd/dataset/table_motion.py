@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from acqd.arrays import Floats
 from acqd.dataset.log_power import require_drawn, small_power
 from acqd.dataset.power import PowerStream
+from acqd.dataset.power_values import large_power
 from acqd.errors import UserError
 from acqd.robot.description import RobotDescription
 from acqd.robot.garbled import FEW, beyond_limit, impossible_jump, limits, reach
@@ -49,9 +50,13 @@ def trusted_motion(time: Floats, q: Floats, robot: RobotDescription) -> tuple[Fl
     return filled, usable, doubts.quality(unwrapped=tuple(names), smoothing=smoothing)
 
 
-def require_power(P: Floats, valid: NDArray[np.bool_], step_ns: float) -> None:
-    """Raises UserError for power [T] W that flows out of the robot, or is too small for one."""
+def require_power(P: Floats, valid: NDArray[np.bool_], step_ns: float, robot: RobotDescription) -> None:
+    """Raises UserError for power [T] W that flows out of the robot, is too small or too large for it, or constant."""
     known = P[valid & np.isfinite(P)]
+    if np.ptp(known) == 0.0:
+        raise UserError(f"table: P is {known[0]:g} W in all rows; is this the robot's power?")
+    if large := large_power(known, robot):
+        raise UserError(f"table: {large}")
     stream = PowerStream(
         np.arange(len(known)) * round(step_ns), known, np.full(len(known), np.nan), round(step_ns), 0, "mains", "table"
     )

@@ -78,7 +78,7 @@ def write_table(table: pa.Table, out: Path, robot: str, measured: Measured, seed
     P, valid = (np.concatenate(each) for each in zip(*((r.columns["P"], r.valid) for r in recordings), strict=True))
     if not valid.any():
         raise UserError("the table has no valid rows")
-    require_power(P, valid, step_s * 1e9)
+    require_power(P, valid, step_s * 1e9, description)
     notes = judge_table(recordings, description)
     entries = [
         _entry(recording, part, step_s) | {"motion": quality.as_json() | {"unknown_ends": recording.unknown_ends}}
@@ -132,7 +132,10 @@ def _require_columns(table: pa.Table, robot: RobotDescription) -> None:
     if not len(table):
         raise UserError("the table has no rows")
     if not pa.types.is_timestamp(table.schema.field(TIME).type) or table.schema.field(TIME).type.tz is None:
-        raise UserError("column time: expected timestamps with a time zone, such as UTC")
+        raise UserError(
+            "column time: expected timestamps with a time zone, such as pandas.to_datetime(seconds, unit='s', "
+            "utc=True), or series.dt.tz_localize('Europe/Berlin') for local times"
+        )
     for name in (TIME, RECORDING):
         if table[name].null_count:
             row = table[name].is_null().to_pylist().index(True) + 1
@@ -148,9 +151,14 @@ def _recording(name: str, rows: pa.Table, robot: RobotDescription) -> tuple[Reco
         raise UserError(f"recording {name}: has {len(time_ns)} rows, expected at least three")
     steps = np.diff(time_ns)
     step_ns = float(np.median(steps))
+    if not (steps > 0).all():
+        row = int((steps <= 0).argmax()) + 2
+        raise UserError(
+            f"recording {name}: row {row} is not later than the row before; sort by time, without duplicates"
+        )
     uneven = np.flatnonzero(np.abs(steps - step_ns) > _STEP_ERROR * step_ns)
-    if len(uneven) or step_ns <= 0:
-        row = int(uneven[0]) + 2 if len(uneven) else 2
+    if len(uneven):
+        row = int(uneven[0]) + 2
         raise UserError(
             f"recording {name}: row {row} is not {step_ns * 1e-9:.6g} s after the row before; resample it to one step"
         )

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from acqd.arrays import Floats
 from acqd.errors import InputError
 from acqd.robot.bag import is_bag, read_bag
+from acqd.robot.columns import speed_fault, stuck, temperature_fault
 from acqd.robot.description import LogColumns, RobotDescription
 from acqd.robot.garbled import BEYOND, FEW, beyond_limit, clock_restart, garbled_rows, impossible_jump, limits, reach
 from acqd.robot.log_layout import LABELS, PER_AXIS, Columns, layout_of, twice, why_not
@@ -30,8 +31,6 @@ _MOVED = 0.05
 """rad or m that a joint covers at least in a log in which its speed, torque and current cannot stay zero."""
 _FEW_SHARED = 0.25
 """Share of rows up to which rows of one stamp can be spared."""
-_MANY_ROWS = 200
-"""Rows over which no measured torque or current of a moving joint has one value only."""
 _TITLES = {"qd": "speed", "tau": "torque", "current": "current", "temperature": "temperature"}
 
 
@@ -211,11 +210,17 @@ def _trusted(
         raise InputError(log.path, where + fault.text)
     moves = np.ptp(log.q, axis=0) > _MOVED
     known = {name: values for name in _TITLES if (values := getattr(log, name)) is not None and len(values)}
-    stuck = {name: axes for name, values in known.items() if (axes := _stuck(name, values, moves)).any()}
+    constant = {name: axes for name, values in known.items() if (axes := stuck(name, values, moves)).any()}
     unmeasured = tuple(
         f"the {_TITLES[name]} of {'every joint' if axes.all() else robot.joint[int(axes.argmax())].name}"
-        for name, axes in stuck.items()
+        for name, axes in constant.items()
     )
+    unusable = {}
+    if log.qd is not None and "qd" not in constant:
+        unusable["qd"] = speed_fault(stamps[new], log.q[rows[new]], log.qd[rows[new]], robot)
+    if log.temperature is not None and "temperature" not in constant:
+        unusable["temperature"] = temperature_fault(log.temperature)
+    unusable = {name: fault for name, fault in unusable.items() if fault}
     good = ~doubts.any
     smoothing = smoothing_of(stamps[good], log.q[rows[good]], q_step, robot.speed)
     if smoothing:
@@ -223,26 +228,20 @@ def _trusted(
         angles[rows[good]] = smoothed(stamps[good], log.q[rows[good]], smoothing.windows_s)
         log = replace(log, q=angles)
     quality = doubts.quality(
-        unwrapped=wrapped, unmeasured=unmeasured, rebuilt=rebuilt, fault=fault, smoothing=smoothing
+        unwrapped=wrapped,
+        unmeasured=unmeasured,
+        unusable=tuple(unusable.values()),
+        rebuilt=rebuilt,
+        fault=fault,
+        smoothing=smoothing,
     )
-    gone: dict[str, Any] = dict.fromkeys(stuck)
+    gone: dict[str, Any] = dict.fromkeys([*constant, *unusable])
     log = replace(log, quality=quality, **gone)
     if not quality.bad:
         return log
     kept = np.ones(len(log.time), bool)
     kept[np.isin(log.time, stamps[doubts.any])] = False
     return log.part(kept, log.path)
-
-
-def _stuck(name: str, values: Floats, moves: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """[axes] whether the column of a joint that moves, of columns [T, axes], holds zeros only, or one number too often.
-
-    A speed and a temperature may be constant, and a joint may be at 0 degC, but not all joints.
-    """
-    if name == "temperature":
-        return np.full(len(moves), not values.any())
-    often = name != "qd" and len(values) >= _MANY_ROWS
-    return np.asarray(moves & (np.ptp(values, axis=0) == 0.0) & (often | (values[0] == 0.0)))
 
 
 def _assemble(path: Path, table: Table, layout: LogColumns, columns: Columns) -> RobotLog:

@@ -74,6 +74,8 @@ class MotionQuality:
     """Joints whose angle jumped by whole turns."""
     unmeasured: tuple[str, ...] = ()
     """Quantities that do not change while the arm moves: "the torque of every joint"."""
+    unusable: tuple[str, ...] = ()
+    """Quantities that contradict the angles or their unit, each with the reason."""
     rebuilt: Rebuilt | LateStamps | None = None
     """How the times of rows that share a stamp, or were stamped late, were put right."""
     fault: ClockFault | None = None
@@ -114,6 +116,7 @@ class MotionQuality:
             "age_ms": round(1000 * self.age_s, 2),
             "unwrapped": list(self.unwrapped),
             "unmeasured": list(self.unmeasured),
+            "unusable": list(self.unusable),
             "shared_stamps": self.rebuilt.shared if self.rebuilt else 0,
             "late_stamps_ms": round(1000 * self.rebuilt.most_s, 1) if isinstance(self.rebuilt, LateStamps) else 0.0,
             "missing_rows_ms": round(1000 * self.fault.missing_s, 1) if self.fault else 0.0,
@@ -129,6 +132,7 @@ class MotionQuality:
         if self.unwrapped:
             found.append(f"unwrapped where they jump by whole turns: {', '.join(self.unwrapped)}")
         found += [f"{each} never changes while the arm moves, and counts as not measured" for each in self.unmeasured]
+        found += [f"{each}: left out" for each in self.unusable]
         return found
 
     def left_out(self) -> list[str]:
@@ -174,6 +178,7 @@ class Doubts:
         *,
         unwrapped: tuple[str, ...] = (),
         unmeasured: tuple[str, ...] = (),
+        unusable: tuple[str, ...] = (),
         rebuilt: Rebuilt | LateStamps | None = None,
         fault: ClockFault | None = None,
         smoothing: Smoothing | None = None,
@@ -190,6 +195,7 @@ class Doubts:
             self.row_s,
             unwrapped,
             unmeasured,
+            unusable,
             rebuilt,
             fault,
             smoothing,

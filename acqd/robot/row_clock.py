@@ -113,7 +113,7 @@ def late_stamps(time: Floats, q: Floats, speed: Floats, q_step: Floats) -> LateS
     uneven = _scatter(step)
     if uneven < _UNEVEN or _scatter(way) > _BETTER * _scatter(step - way):
         return None
-    even = _even_times(stamps)
+    even = even_times(stamps)
     times = time - np.interp(time, stamps, stamps - even.time)
     return replace(even, time=np.maximum.accumulate(times + 1e-9 * np.arange(len(times))))
 
@@ -192,16 +192,19 @@ def _shifted(usual: Floats) -> Floats:
     return np.where(np.abs(ahead - usual) > np.abs(behind - usual), ahead, behind)
 
 
-def _even_times(time: Floats) -> LateStamps:
-    """A line through the stamps of a second around each row, as early as those that came at once."""
+def even_times(time: Floats, pause_s: float = _PAUSE_S, window_s: float = _WINDOW_S) -> LateStamps:
+    """A line through the stamps of `window_s` around each row [T] s, as early as those that came at once.
+
+    Steps of `pause_s` are pauses of the recorder.
+    """
     steps = np.diff(time)
     out = np.empty(len(time))
-    row_s = float((time[-1] - time[0] - steps[steps >= _PAUSE_S].sum()) / max((steps < _PAUSE_S).sum(), 1))
-    reach = max(round(_WINDOW_S / 2 / row_s), 8)
-    for start, end in runs_of_true(np.concatenate([steps < _PAUSE_S, [False]])):
+    row_s = float((time[-1] - time[0] - steps[steps >= pause_s].sum()) / max((steps < pause_s).sum(), 1))
+    reach = max(round(window_s / 2 / row_s), 8)
+    for start, end in runs_of_true(np.concatenate([steps < pause_s, [False]])):
         rows = slice(start, end + 1)
         out[rows] = _line(time[rows], reach, row_s)
-    alone = np.concatenate([steps >= _PAUSE_S, [True]]) & np.concatenate([[True], steps >= _PAUSE_S])
+    alone = np.concatenate([steps >= pause_s, [True]]) & np.concatenate([[True], steps >= pause_s])
     out[alone] = time[alone]
     late = time - out
     earliest = float(np.quantile(late, _EARLIEST))
