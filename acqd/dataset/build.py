@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from acqd.dataset.column_check import check_columns, judge_logs, judge_recordings, to_check
+from acqd.dataset.column_check import check_columns, check_each, judge_logs, judge_recordings, to_check
 from acqd.dataset.config import BuildConfig, BuildReport
 from acqd.dataset.cut import AUTO, automatic_length, cut, cut_at_rests
 from acqd.dataset.growing import Existing, existing
@@ -60,6 +60,9 @@ def build(config: BuildConfig, progress: _Progress) -> BuildReport:
         if config.lag_s is None:
             require_fast(stream)
     logs = read_logs(config.logs, robot, before.logs, before.names, lambda share: progress("reading logs", share))
+    unlike = check_each(logs.kept, robot)
+    if unlike:
+        logs.keep(lambda log: _require_alike(log, unlike), lambda _: None)
     if to_check(logs.kept, robot):
         logs.keep(lambda log: check_columns(log, robot), lambda _: None)
     by_torque = judge_logs(logs.kept, robot)
@@ -91,6 +94,11 @@ def build(config: BuildConfig, progress: _Progress) -> BuildReport:
     page = REPORT if report.version == 1 else f"report-{report.version}.html"
     connect(config.out / page, [Path(config.power.removeprefix(_SQLITE)).parent / REPORT, config.out / REPORT])
     return report
+
+
+def _require_alike(log: RobotLog, unlike: dict[Path, str]) -> None:
+    if log.path in unlike:
+        raise InputError(log.path, unlike[log.path])
 
 
 def _cut(logs: Logs, config: BuildConfig, robot: RobotDescription, before: Existing) -> None:

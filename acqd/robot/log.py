@@ -15,7 +15,7 @@ from acqd.robot.bag import is_bag, read_bag
 from acqd.robot.columns import speed_fault, stuck, temperature_fault
 from acqd.robot.description import LogColumns, RobotDescription
 from acqd.robot.garbled import BEYOND, FEW, beyond_limit, clock_restart, garbled_rows, impossible_jump, limits, reach
-from acqd.robot.log_layout import LABELS, PER_AXIS, Columns, layout_of, twice, why_not
+from acqd.robot.log_layout import LABELS, PER_AXIS, Columns, layout_of, more_axes, twice, why_not
 from acqd.robot.motion import MotionQuality, doubtful_rows, unwrapped
 from acqd.robot.resolution import resolution, smoothed, smoothing_of
 from acqd.robot.row_clock import LateStamps, clock_fault, late_stamps
@@ -25,7 +25,11 @@ from acqd.rounded_times import Rebuilt, rebuilt_times, shared_stamps
 
 LATEST_S = 7_258_118_400.0
 """2200-01-01 in Unix seconds."""
+_MS = 1e14
+"""Unix time in ms is below, in us below a thousand times that."""
 _DAY_S = 86_400.0
+_NO_TIMES = 0.9
+"""Share of rows without a time beyond which times are of another form."""
 _NAMED_ROWS = 5
 _MOVED = 0.05
 """rad or m that a joint covers at least in a log in which its speed, torque and current cannot stay zero."""
@@ -97,7 +101,8 @@ def log_of(path: Path, table: Table, robot: RobotDescription) -> RobotLog:
     log = _assemble(path, table, *found)
     usual = float(np.median(log.time))  # single stamps may be garbled
     if usual > LATEST_S:
-        raise InputError(path, f"its times are about {usual:.4g} s; expected seconds before 2200; in ms or ns?")
+        unit = "ms" if usual < _MS else "us" if usual < 1e3 * _MS else "ns"
+        raise InputError(path, f"its times are about {usual:.4g} s; expected seconds before 2200: are they in {unit}?")
     log, stamps = _with_even_times(*_with_distinct_times(log), robot)
     point = table.values[:, found[1]["tool_point"]] if "tool_point" in found[1] else None
     recorded, log = log.q, _unwrapped(log, robot)
@@ -123,6 +128,9 @@ def log_of(path: Path, table: Table, robot: RobotDescription) -> RobotLog:
     if point is not None:
         check_tool_point(path, robot, log.q, point)
     wrapped = tuple(robot.joint[axis].name for axis in np.flatnonzero((recorded != log.q).any(axis=0)))
+    if more := more_axes(table, robot, found[0]):
+        axes = f"has {robot.axes + more} axes, {robot.name} has {robot.axes}: the others are not used; is it its log?"
+        log = replace(log, note=f"{log.note}; {axes}" if log.note else axes)
     return _trusted(log, robot, wrapped, stamps, table)
 
 
@@ -265,8 +273,15 @@ def _assemble(path: Path, table: Table, layout: LogColumns, columns: Columns) ->
 
 def _refusal(table: Table, q: Floats, faults: dict[int, str], robot: RobotDescription) -> str:
     """Why a log with many garbled rows is refused: degrees, another robot, or damage."""
-    row = min(faults)
+    kinds = [text.split(" is ")[0] for text in faults.values()]
+    usual = max(set(kinds), key=kinds.count)  # a line of units, say, is a fault, but not why a log is refused
+    row = next(row for row, kind in zip(faults, kinds, strict=True) if kind == usual)
     text = faults[row]
+    if usual == "time" and "no number" in text and kinds.count(usual) > _NO_TIMES * len(q):
+        return (
+            f"row {table.line(row)}: its times are neither numbers nor dates of the form 2026-01-27T08:00:00.000Z: "
+            "write seconds, or such dates"
+        )
     share = f" ({len(faults)} of {len(q)} rows are garbled)" if len(faults) > 1 else ""
     worst = np.abs(q).max(axis=0, initial=0.0, where=np.isfinite(q))
     beyond = np.flatnonzero(worst > limits(robot))

@@ -44,6 +44,10 @@ _ALONG = 0.5
 """Distance across the path, over that along the path, at which a pose is off the path and not late on it."""
 _FAR_ROWS = 8.0
 """Usual rows between the outer ones of four neighbours, beyond which they say nothing of the pose between them."""
+_AROUND = 4
+"""Rows before and after by which an arm arrives and leaves."""
+_AGAIN_ROWS = 20
+"""Rows after which a pose may be sent again."""
 _PASSES = 12
 _NEIGHBOURS = (-2, -1, 1, 2)
 _LEAST_ROWS = 8
@@ -210,12 +214,14 @@ def doubtful_rows(time: Floats, q: Floats, speed: Floats, q_step: Floats | None 
     x = q / speed
     step = np.zeros(q.shape[1]) if q_step is None else q_step / speed
     rows = len(time)
-    repeated, old, early = _repeated(time, x, step), np.zeros(rows, bool), np.zeros(rows, bool)
-    kept = np.flatnonzero(~repeated)
+    repeated, early = _repeated(time, x, step), np.zeros(rows, bool)
+    old, since_s = _sent_again(time, x, step)
+    old &= ~repeated
+    kept = np.flatnonzero(~repeated & ~old)
     moves = _speeds(time, x) > _MOVING
     row_s = _usual_step(time[kept], moves[kept])
     written = float(np.linalg.norm(step))
-    ages: list[Floats] = []
+    ages: list[Floats] = [since_s[old]] if old.any() else []
     if len(kept) >= _LEAST_ROWS:
         for newer, flags in ((False, old), (True, early)):
             for _ in range(_PASSES):
@@ -268,6 +274,34 @@ def _repeated(time: Floats, x: Floats, step: Floats) -> Flags:
     for start, end in zip(first[held] + 1, first[held + 1], strict=True):
         repeated[start:end] = True
     return repeated
+
+
+def _sent_again(time: Floats, x: Floats, step: Floats) -> tuple[Flags, Floats]:
+    """[T] rows with the pose of an earlier row, not that before, although the arm moved on, and the poses' ages [T] s."""
+    again, age = np.zeros(len(time), bool), np.zeros(len(time))
+    if len(time) < _LEAST_ROWS:
+        return again, age
+    _, first, inverse = np.unique(x, axis=0, return_index=True, return_inverse=True)
+    inverse = inverse.reshape(-1)
+    if len(first) == len(x):
+        return again, age
+    order = np.lexsort((np.arange(len(x)), inverse))
+    same = inverse[order[1:]] == inverse[order[:-1]]
+    rows, before = order[1:][same], order[:-1][same]
+    gap = rows - before
+    near = (gap > 1) & (gap <= _AGAIN_ROWS)
+    rows, before = rows[near], before[near]
+    # an arm that goes back over its own path comes from the other side, and one that rests does not arrive and leave
+    start, end = np.maximum(before - _AROUND, 0), np.minimum(rows + _AROUND, len(x) - 1)
+    arrives, leaves = x[before] - x[start], x[end] - x[rows]
+    fast = [
+        np.linalg.norm(way, axis=1) > np.maximum(_MOVING * span, _RESOLUTIONS * float(np.linalg.norm(step)))
+        for way, span in ((arrives, time[before] - time[start]), (leaves, time[end] - time[rows]))
+    ]
+    found = rows[fast[0] & fast[1] & ((arrives * leaves).sum(axis=1) > 0)]
+    again[found] = True
+    age[rows] = time[rows] - time[before]
+    return again, age
 
 
 def _not_at_their_time(time: Floats, x: Floats, row_s: float, written: float, *, newer: bool) -> tuple[Flags, Floats]:
