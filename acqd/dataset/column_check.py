@@ -104,14 +104,14 @@ def judge_recordings(
         return []
     some = recordings[:: -(-len(recordings) // _LOGS_CHECKED)]
     long = [piece for recording in some for piece in _power_pieces(recording, robot.axes)]
-    if long and (zero := judge_zeros(robot, long)) is not None:
-        raise UserError(f"angles and power of {len(recordings)} recordings do not fit as logged: {zero.text(robot)}")
+    zero = judge_zeros(robot, long) if long else None  # power has other causes, too: no reason to refuse
+    doubts = [f"angles and power hardly fit as logged: {zero.text(robot)}"] if zero is not None else []
     judged = judge_order(robot, long)
     if judged.better is not None and (by_torque is None or judged.better in by_torque.unsure):
         raise UserError(f"angles and power of {len(recordings)} recordings do not fit as logged: {judged.text(robot)}")
     judged = judged if by_torque is None else by_torque.together(judged)
     witness = "by their power" if by_torque is None else "by their torques, currents and power"
-    return [note] if (note := judged.note(robot, witness)) else []
+    return doubts + ([note] if (note := judged.note(robot, witness)) else [])
 
 
 def _power_pieces(recording: Recording, axes: int) -> Iterator[OrderSample]:

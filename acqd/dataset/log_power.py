@@ -9,7 +9,7 @@ from acqd.dataset.power import PowerStream
 from acqd.errors import InputError
 from acqd.robot.log import RobotLog, in_time
 
-_LEAST_W = 2.0
+LEAST_W = 2.0
 """The electronics of the smallest arms at rest take more."""
 _HIGH = 95
 """Percentile of the power that a robot in operation exceeds."""
@@ -59,7 +59,7 @@ def small_power(powers: list[PowerStream]) -> list[str]:
     known = [some_power(each) for each in powers]
     high = [float(np.percentile(each, _HIGH)) for each in known if len(each)]
     high_W = float(np.median(high or [np.inf]))
-    if high_W >= _LEAST_W:
+    if high_W >= LEAST_W:
         return []
     return [f"the power is below {high_W:.3g} W in {_HIGH} % of the rows, little for a robot: is it in kW? expected W"]
 

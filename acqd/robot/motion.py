@@ -44,7 +44,7 @@ _ALONG = 0.5
 """Distance across the path, over that along the path, at which a pose is off the path and not late on it."""
 _FAR_ROWS = 8.0
 """Usual rows between the outer ones of four neighbours, beyond which they say nothing of the pose between them."""
-_AROUND = 4
+_AROUND = 8
 """Rows before and after by which an arm arrives and leaves."""
 _AGAIN_ROWS = 20
 """Rows after which a pose may be sent again."""
@@ -277,7 +277,7 @@ def _repeated(time: Floats, x: Floats, step: Floats) -> Flags:
 
 
 def _sent_again(time: Floats, x: Floats, step: Floats) -> tuple[Flags, Floats]:
-    """[T] rows with the pose of an earlier row, not that before, although the arm moved on, and the poses' ages [T] s."""
+    """[T] rows with the pose of an earlier row, not that before, although the arm moved on, and the ages [T] s."""
     again, age = np.zeros(len(time), bool), np.zeros(len(time))
     if len(time) < _LEAST_ROWS:
         return again, age
