@@ -178,7 +178,8 @@ def _even_out(origin: str, time_ns: Nanoseconds, notes: list[str]) -> float:
         return 0.0
     mean_s, usual_s = float(near.mean()), float(np.median(near))
     if usual_s < _IN_PACKETS * mean_s:
-        even = even_times((time_ns - time_ns[0]) * 1e-9, _PAUSE_S, 2 * _PAUSE_S)
+        since_s = (time_ns - time_ns[0]) * 1e-9
+        even = even_times(since_s, window_s=2 * _PAUSE_S, pauses=np.diff(since_s) >= _PAUSE_S)
         time_ns[:] = time_ns[0] + np.rint(even.time * 1e9).astype(np.int64)
         notes.append(
             f"power {origin}: rows come in packets, most of them {1000 * usual_s:.3g} ms apart: they were put at even "

@@ -37,6 +37,8 @@ _WINDOW_S = 1.0
 """Span of the line through the stamps. A rate drifts by less than a row in it."""
 _PAUSE_S = 0.6
 """Step between rows that is a pause of the recorder, not a late packet."""
+_REST_S = 0.3
+"""Time without motion that ends a line."""
 _EARLIEST = 0.02
 """Share of the rows that may lie before the line of the stamps that came at once."""
 _TWICE = (0.6, 0.25)
@@ -113,7 +115,11 @@ def late_stamps(time: Floats, q: Floats, speed: Floats, q_step: Floats) -> LateS
     uneven = _scatter(step)
     if uneven < _UNEVEN or _scatter(way) > _BETTER * _scatter(step - way):
         return None
-    even = even_times(stamps)
+    rows = np.where(ways.judged, np.maximum(np.rint(ways.way), 1.0), 1.0)  # rows that were lost count
+    pauses = steps >= _PAUSE_S
+    for start, end in runs_of_true(~ways.judged):  # an arm that rests tells no time
+        pauses[start:end] |= stamps[end] - stamps[start] > _REST_S
+    even = even_times(stamps, rows=rows, pauses=pauses)
     times = time - np.interp(time, stamps, stamps - even.time)
     return replace(even, time=np.maximum.accumulate(times + 1e-9 * np.arange(len(times))))
 
@@ -192,36 +198,44 @@ def _shifted(usual: Floats) -> Floats:
     return np.where(np.abs(ahead - usual) > np.abs(behind - usual), ahead, behind)
 
 
-def even_times(time: Floats, pause_s: float = _PAUSE_S, window_s: float = _WINDOW_S) -> LateStamps:
+def even_times(
+    time: Floats,
+    *,
+    window_s: float = _WINDOW_S,
+    rows: Floats | None = None,
+    pauses: NDArray[np.bool_] | None = None,
+) -> LateStamps:
     """A line through the stamps of `window_s` around each row [T] s, as early as those that came at once.
 
-    Steps of `pause_s` are pauses of the recorder.
+    `rows` [T - 1]: rows by which each row is after the one before, 1 but where some were lost; `pauses` [T - 1]: steps
+    across which nothing is even.
     """
     steps = np.diff(time)
-    out = np.empty(len(time))
-    row_s = float((time[-1] - time[0] - steps[steps >= pause_s].sum()) / max((steps < pause_s).sum(), 1))
+    rows = np.ones(len(steps)) if rows is None else rows
+    pauses = steps >= _PAUSE_S if pauses is None else pauses
+    index = np.concatenate([[0.0], np.cumsum(rows)])
+    row_s = float(steps[~pauses].sum() / max(rows[~pauses].sum(), 1.0))
     reach = max(round(window_s / 2 / row_s), 8)
-    for start, end in runs_of_true(np.concatenate([steps < pause_s, [False]])):
-        rows = slice(start, end + 1)
-        out[rows] = _line(time[rows], reach, row_s)
-    alone = np.concatenate([steps >= pause_s, [True]]) & np.concatenate([[True], steps >= pause_s])
-    out[alone] = time[alone]
+    ends = np.flatnonzero(pauses) + 1
+    out = np.concatenate(
+        [_line(time[start:end], index[start:end], reach, row_s)
+         for start, end in zip([0, *ends.tolist()], [*ends.tolist(), len(time)], strict=True)]
+    )  # fmt: skip
     late = time - out
     earliest = float(np.quantile(late, _EARLIEST))
     out = np.maximum.accumulate(out + min(earliest, 0.0) + 1e-9 * np.arange(len(out)))
     return LateStamps(out, max(-earliest, 0.0), float(np.quantile(late, 0.95)) - earliest, row_s)
 
 
-def _line(time: Floats, reach: int, row_s: float) -> Floats:
-    """[T] value at each row of the straight line of stamps over row numbers within `reach` rows."""
-    count = len(time)
-    index = np.arange(count, dtype=np.float64)
+def _line(time: Floats, index: Floats, reach: int, row_s: float) -> Floats:
+    """[T] value at each row of the straight line of stamps over row numbers [T] of the rows within `reach` numbers."""
+    index = index - index[0]
     off = time - time[0] - row_s * index
-    first, last = np.maximum(index - reach, 0).astype(int), np.minimum(index + reach + 1, count).astype(int)
-    sums = [np.concatenate([[0.0], np.cumsum(each)]) for each in (np.ones(count), index, index**2, off, off * index)]
+    first, last = np.searchsorted(index, index - reach), np.searchsorted(index, index + reach, side="right")
+    sums = [np.concatenate([[0.0], np.cumsum(each)]) for each in (index * 0 + 1, index, index**2, off, off * index)]
     n, s1, s2, t0, t1 = (each[last] - each[first] for each in sums)
-    spread = np.maximum(n * s2 - s1**2, 1e-9)
-    slope = np.where(n > 2, (n * t1 - s1 * t0) / spread, 0.0)
+    spread = n * s2 - s1**2
+    slope = np.where(spread > 0.5, (n * t1 - s1 * t0) / np.maximum(spread, 0.5), 0.0)
     return np.asarray(time[0] + row_s * index + (t0 - slope * s1) / n + slope * index)
 
 
