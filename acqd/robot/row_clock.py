@@ -249,10 +249,10 @@ def _missing(beyond: Floats, judged: NDArray[np.bool_]) -> int:
 def _set_clock(beyond: Floats, ways: _Ways) -> int | None:
     """The first step across which the stamps go on by rows, and the arm by one, and the next stamps do not make up."""
     far = ways.judged & (-beyond > np.maximum(_SET_ROWS, _SET_S / ways.step_s)) & (ways.way < 2.0)
-    for row in np.flatnonzero(far):
-        around = np.delete(beyond[max(row - 12, 0) : row + 13], min(row, 12))
-        if abs(around.sum()) < 0.2 * abs(beyond[row]):
-            return int(row)
+    for row in np.flatnonzero(far).tolist():
+        around = float(beyond[max(row - 12, 0) : row + 13].sum() - beyond[row])
+        if abs(around) < 0.2 * abs(beyond[row]):
+            return row
     return None
 
 
