@@ -1,4 +1,4 @@
-"""Frames of a kind that users hand over by mistake: refused with the remedy, or without the columns that say nothing."""
+"""Frames that users hand over by mistake: refused with the remedy, or without the columns that say nothing."""
 
 import numpy as np
 import pandas as pd
