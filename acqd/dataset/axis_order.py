@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
@@ -74,6 +74,8 @@ class ZeroJudgement:
     sign: int
     offset: float
     """rad that are added to the angle after the sign."""
+    share: float = 0.0
+    """Of the variance of the witnesses that it explains."""
 
     def text(self, robot: RobotDescription) -> str:
         """The line on that axis."""
@@ -169,7 +171,7 @@ def judge_zeros(
                 gain, errors = as_logged.gain_of(changed, logged)
                 better = gain > _GAIN_OF_ZEROS and errors > _CLEARLY and changed.explained(logged) > _EXPLAINED
                 if better and (best is None or gain > best[0]):
-                    best = gain, other
+                    best = gain, replace(other, share=changed.mean_explained(logged))
     return best[1] if best else None
 
 
@@ -183,9 +185,12 @@ def _turned(sample: OrderSample, zero: ZeroJudgement, seen_sign: int) -> OrderSa
     return OrderSample(q, seen, sample.step_s)
 
 
-def logged_share(robot: RobotDescription, samples: Sequence[OrderSample], *, guessed: bool = False) -> float:
-    """Share of the variance of the witnesses that the columns as logged explain, in the mean over the witnesses."""
-    return _Fit(robot, samples, _GUESSED_SCALE if guessed else _TORQUE_SCALE).mean_explained(tuple(range(robot.axes)))
+def share_of(
+    robot: RobotDescription, samples: Sequence[OrderSample], order: Order | None = None, *, guessed: bool = False
+) -> float:
+    """Share of the variance of the witnesses that an order (None: as logged) explains, in the mean over them."""
+    scale = _GUESSED_SCALE if guessed else _TORQUE_SCALE
+    return _Fit(robot, samples, scale).mean_explained(order or tuple(range(robot.axes)))
 
 
 def pieces(q: Floats, seen: Floats, known: NDArray[np.bool_], step_s: float) -> Iterator[OrderSample]:

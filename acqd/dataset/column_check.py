@@ -10,7 +10,7 @@ from typing import TypeAlias
 import numpy as np
 
 from acqd.arrays import Floats
-from acqd.dataset.axis_order import OrderJudgement, OrderSample, judge_order, judge_zeros, logged_share, pieces
+from acqd.dataset.axis_order import OrderJudgement, OrderSample, judge_order, judge_zeros, pieces, share_of
 from acqd.dataset.merge import Recording
 from acqd.dataset.regressors import best_torque
 from acqd.errors import InputError, UserError
@@ -62,7 +62,7 @@ def check_each(logs: list[RobotLog], robot: RobotDescription) -> dict[Path, str]
     guessed = {
         k: name == "currents" and any(j.guesses_drive for j in robot.joint) for k, (name, _, _) in samples.items()
     }
-    explained = {k: logged_share(robot, some, guessed=guessed[k]) for k, some in long.items() if some}
+    explained = {k: share_of(robot, some, guessed=guessed[k]) for k, some in long.items() if some}
     if len(explained) < _FEWEST_TO_COMPARE:
         return reasons
     usual = float(np.median(list(explained.values())))
@@ -126,9 +126,12 @@ def _judged(robot: RobotDescription, samples: list[Sample], where: str) -> Order
     guessed = samples[0][0] == "currents" and any(joint.guesses_drive for joint in robot.joint)
     long = [piece for _, q, seen in samples for piece in pieces(q, seen, np.ones(len(q), bool), _STEP_S)]
     _require_scale(robot, samples, where)
-    if long and (zero := judge_zeros(robot, long, guessed=guessed)) is not None:
-        raise UserError(f"{where}, angles and {samples[0][0]} do not fit as logged: {zero.text(robot)}")
     judged = judge_order(robot, long, guessed=guessed)
+    zero = judge_zeros(robot, long, guessed=guessed) if long else None
+    if zero is not None and (
+        judged.better is None or zero.share > share_of(robot, long, judged.better, guessed=guessed)
+    ):
+        raise UserError(f"{where}, angles and {samples[0][0]} do not fit as logged: {zero.text(robot)}")
     if judged.better is not None:
         raise UserError(f"{where}, angles and {samples[0][0]} do not fit as logged: {judged.text(robot)}")
     return judged

@@ -58,7 +58,10 @@ def _text(path: Path, file: BinaryIO) -> BinaryIO:
     head = file.read(64)
     file.seek(0)
     if head.startswith((b"\xff\xfe", b"\xfe\xff")):
-        return io.BytesIO(file.read().decode("utf-16").encode())
+        try:
+            return io.BytesIO(file.read().decode("utf-16").encode())
+        except UnicodeDecodeError:
+            raise InputError(path, "cannot be read (no UTF-8 text, nor UTF-16)") from None
     for magic, what in _FORMATS.items():
         if head.startswith(magic):
             raise InputError(path, what)
