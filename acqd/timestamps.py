@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from functools import lru_cache
 from pathlib import Path
 from typing import TypeAlias
@@ -16,6 +17,8 @@ from acqd.errors import InputError
 
 Nanoseconds: TypeAlias = NDArray[np.int64]
 _FILETIME_1970 = 116_444_736_000_000_000  # 100 ns from 1601-01-01 to 1970-01-01
+_LEAP_SECOND = re.compile(r"(.*T\d\d:\d\d:)60", re.DOTALL)
+"""A second that clocks insert (RFC 3339, appendix D); Unix time has the next one in its place."""
 _MOST_NS = 2**63 - 2**32
 _UNITS = ((1e11, 1_000_000_000), (1e14, 1_000_000), (1e17, 1_000), (1e20, 1))  # Unix s, ms, us, ns below each bound
 
@@ -95,9 +98,13 @@ def unix_s(filetime_100ns: int) -> float:
 
 def _parse_rfc3339(path: Path, text: str) -> int:
     try:
-        stamp = datetime.fromisoformat(text)
+        stamp = datetime.fromisoformat(_LEAP_SECOND.sub(r"\g<1>59", text))
     except ValueError:
-        raise InputError(path, f"time {text!r:.40} is neither RFC 3339 nor a number") from None
+        raise InputError(
+            path, f"time {text!r:.40} is neither RFC 3339 nor a number: write 2026-01-27T08:00:00.000Z, or Unix seconds"
+        ) from None
+    if _LEAP_SECOND.match(text):
+        stamp += timedelta(seconds=1)
     if stamp.tzinfo is None:
         stamp = stamp.replace(tzinfo=UTC)
     return round((stamp - datetime(1970, 1, 1, tzinfo=UTC)).total_seconds() * 1e6) * 1000

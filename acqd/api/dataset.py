@@ -78,7 +78,10 @@ class Dataset:
         """
         require("Dataset.from_arrow", ("pyarrow", "scipy"), "data")
         from acqd.dataset.tables import write_table
+        from acqd.errors import UserError
 
+        if not hasattr(table, "column_names"):
+            raise UserError(f"expected a pyarrow.Table, not {type(table).__name__}")
         write_table(table, path_of(out), _name_of(robot), measured)
         return cls(out)
 
@@ -92,6 +95,8 @@ class Dataset:
 
         from acqd.errors import UserError
 
+        if not hasattr(frame, "columns"):
+            raise UserError(f"expected a pandas.DataFrame, not {type(frame).__name__}; others: pandas.DataFrame(...)")
         twice = frame.columns[frame.columns.duplicated()]
         if len(twice):
             raise UserError(f"the data frame has several columns {twice[0]!r}; expected one: rename the others")

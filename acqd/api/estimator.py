@@ -23,7 +23,9 @@ except ModuleNotFoundError:
 
 from acqd.dataset.column_check import judge_recordings
 from acqd.dataset.cut import CONTEXT_ROWS
+from acqd.dataset.log_power import LEAST_W
 from acqd.dataset.merge import Recording
+from acqd.dataset.power_values import large_power
 from acqd.dataset.split import Part
 from acqd.dataset.table_motion import trusted_motion
 from acqd.models.config import TrainConfig
@@ -31,7 +33,7 @@ from acqd.models.networks.settings import TrainingSettings
 from acqd.models.segments import Dataset, Segment, neighbours
 from acqd.models.training import NAMES, fit
 from acqd.numerics import runs_of_true
-from acqd.robot.description import load_description
+from acqd.robot.description import RobotDescription, load_description
 from acqd.robot.log_ends import unknown_ends
 
 if TYPE_CHECKING:
@@ -45,6 +47,16 @@ if TYPE_CHECKING:
 
 _VALIDATION = 0.15  # of the rows, where all are one recording
 _MIN_ROWS = 4  # of a recording: two parts, and a difference in each
+
+
+def _doubt_power(y: Floats, robot: RobotDescription) -> None:
+    """Warns of power that flows out of the robot, or is in another unit: a table with it is refused."""
+    usual = float(np.median(y)) if len(y) else 0.0
+    doubt = large_power(y, robot) or (f"the power is {usual:.3g} W in the median: is its sign inverted?" * (usual < 0))
+    if not doubt and np.percentile(y, 95) < LEAST_W:
+        doubt = f"the power is below {LEAST_W:g} W in 95 % of the rows: is it in kW? expected W"
+    if doubt:
+        warnings.warn(doubt, UserWarning, stacklevel=3)
 
 
 class PowerRegressor(RegressorMixin, BaseEstimator):  # type: ignore[misc]
@@ -95,6 +107,7 @@ class PowerRegressor(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         y = np.asarray(y, dtype=np.float64)
         recordings = [self._recording(robot, k, X, y, rows, axes) for k, rows in enumerate(_recordings(groups, len(X)))]
         if robot:
+            _doubt_power(y, load_description(robot))
             for note in judge_recordings(recordings, load_description(robot), None):
                 warnings.warn(note, UserWarning, stacklevel=2)
         segments = _with_validation([segment for each in recordings for segment in self._segments(each, axes)])

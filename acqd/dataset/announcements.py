@@ -26,9 +26,9 @@ def supply_notes(within_s: list[float], supply: SupplyLag) -> list[str]:
     """One line if the supply makes lags uncertain; `within_s` holds half the width of each lag's 95 % interval."""
     if supply.at_end:
         return [
-            f"the supply's lag comes out at {1000 * supply.seconds:.0f} ms, the end of what supplies have: the motion "
-            "looks smoother or later than the power; are poses repeated or filtered by the recorder? The lags are "
-            f"uncertain by {1000 * max(within_s, default=0.0):.0f} ms (95 %)"
+            f"the supply's lag comes out at {1000 * supply.seconds:.0f} ms, the end of what supplies have: power or "
+            "motion is smoothed or late; does the meter average or repeat its values, or the recorder its poses? The "
+            f"lags are uncertain by {1000 * max(within_s, default=0.0):.0f} ms (95 %)"
         ]
     wide = [within for within in within_s if within > ANNOUNCED_S]
     if not wide or NORMAL_95 * supply.shared_error_s < ANNOUNCED_S / 2:

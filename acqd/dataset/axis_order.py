@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
@@ -47,6 +47,12 @@ _TORQUE_SCALE = (0.5, 2.0)
 _GUESSED_SCALE = (0.2, 5.0)
 """The same for currents of drives whose torque constant is guessed."""
 _MOST_STEPS = 4
+_ALREADY = 0.97
+"""Share of the variance that the angles as logged explain at most where another sign or zero is looked for."""
+_GAIN_OF_ZEROS = 0.3
+"""Nats a row that another sign or zero must gain."""
+_EXPLAINED = 0.5
+"""Share of the variance of the witnesses that a better order must explain: noise has no order."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +64,29 @@ class OrderSample:
     seen: Floats
     """[T, axes] Nm or N, or [T] W."""
     step_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class ZeroJudgement:
+    """An axis whose sign or zero fits the description better otherwise."""
+
+    axis: int
+    sign: int
+    offset: float
+    """rad that are added to the angle after the sign."""
+    share: float = 0.0
+    """Of the variance of the witnesses that it explains."""
+
+    def text(self, robot: RobotDescription) -> str:
+        """The line on that axis."""
+        name = robot.joint[self.axis].name
+        what = "the other sign" if self.sign < 0 and not self.offset else f"{np.degrees(self.offset):+.0f} deg added"
+        if self.sign < 0 and self.offset:
+            what = f"the other sign and {what}"
+        return (
+            f"{robot.name} explains them better with {what} in the angle of {name}: its sign or zero is another "
+            "one than the description's; convert the logs, or describe the robot as it counts"
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,9 +142,55 @@ def judge_order(robot: RobotDescription, samples: Sequence[OrderSample], *, gues
     gains = {order: fit.gain(logged, order) for order in others}
     best = max(gains, key=lambda order: gains[order][0] if gains[order][1] > _CLEARLY else -np.inf)
     least = _GAIN_BY_POWER if samples[0].seen.ndim == 1 else _GAIN
-    if gains[best][1] > _CLEARLY and gains[best][0] > least:
+    if gains[best][1] > _CLEARLY and gains[best][0] > least and fit.explained(best) > _EXPLAINED:
         return OrderJudgement(_climbed(fit, best))
     return OrderJudgement(None, frozenset(order for order, (_, errors) in gains.items() if errors > -_CLEARLY))
+
+
+def judge_zeros(
+    robot: RobotDescription, samples: Sequence[OrderSample], *, guessed: bool = False
+) -> ZeroJudgement | None:
+    """The axis with another sign, or another zero by a quarter or half turn, that fits clearly better; None without.
+
+    Torques and currents of a reversed axis are reversed, too.
+    """
+    scale = _GUESSED_SCALE if guessed else _TORQUE_SCALE
+    logged = tuple(range(robot.axes))
+    as_logged = _Fit(robot, samples, scale)
+    if as_logged.blocks < _FEWEST_BLOCKS or as_logged.explained(logged) > _ALREADY:
+        return None
+    best: tuple[float, ZeroJudgement] | None = None
+    by_power = samples[0].seen.ndim == 1
+    for axis, joint in enumerate(robot.joint):
+        if joint.slides:
+            continue
+        for sign, turns in ((-1, 0), (1, 1), (1, -1), (1, 2), (-1, 1), (-1, -1), (-1, 2)):
+            other = ZeroJudgement(axis, sign, turns * np.pi / 2)
+            for seen_sign in (1,) if by_power or sign > 0 else (1, -1):
+                changed = _Fit(robot, [_turned(sample, other, seen_sign) for sample in samples], scale)
+                gain, errors = as_logged.gain_of(changed, logged)
+                better = gain > _GAIN_OF_ZEROS and errors > _CLEARLY and changed.explained(logged) > _EXPLAINED
+                if better and (best is None or gain > best[0]):
+                    best = gain, replace(other, share=changed.mean_explained(logged))
+    return best[1] if best else None
+
+
+def _turned(sample: OrderSample, zero: ZeroJudgement, seen_sign: int) -> OrderSample:
+    q = sample.q.copy()
+    q[:, zero.axis] = zero.sign * q[:, zero.axis] + zero.offset
+    seen = sample.seen
+    if seen_sign < 0:
+        seen = seen.copy()
+        seen[:, zero.axis] *= -1
+    return OrderSample(q, seen, sample.step_s)
+
+
+def share_of(
+    robot: RobotDescription, samples: Sequence[OrderSample], order: Order | None = None, *, guessed: bool = False
+) -> float:
+    """Share of the variance of the witnesses that an order (None: as logged) explains, in the mean over them."""
+    scale = _GUESSED_SCALE if guessed else _TORQUE_SCALE
+    return _Fit(robot, samples, scale).mean_explained(order or tuple(range(robot.axes)))
 
 
 def pieces(q: Floats, seen: Floats, known: NDArray[np.bool_], step_s: float) -> Iterator[OrderSample]:
@@ -151,20 +226,50 @@ class _Fit:
 
     def gain(self, one: Order, other: Order) -> tuple[float, float]:
         """Mean log likelihood [nats a row] that `other` gains over `one`, and its number of standard errors."""
-        difference = self._log_likelihood(other) - self._log_likelihood(one)
+        return self._gain(self._log_likelihood(other) - self._log_likelihood(one))
+
+    def gain_of(self, changed: _Fit, order: Order) -> tuple[float, float]:
+        """The same that other angles in the same rows gain."""
+        return self._gain(changed._log_likelihood(order) - self._log_likelihood(order))
+
+    def _gain(self, difference: Floats) -> tuple[float, float]:
         counts = np.bincount(self._block)
         sums = np.bincount(self._block, difference)[counts > 0]
         error = float(np.std(sums)) * np.sqrt(len(sums))
         return float(difference.mean()), float(sums.sum()) / max(error, 1e-9)
 
+    def explained(self, order: Order) -> float:
+        """Share of the variance of the witnesses that this order explains, in the median over them."""
+        return float(np.median(self._shares(order)))
+
+    def mean_explained(self, order: Order) -> float:
+        """The same in the mean: one or two axes that are not explained count."""
+        return float(np.mean(self._shares(order)))
+
+    def _shares(self, order: Order) -> Floats:
+        if not self.blocks:
+            return np.ones(1)
+        left = self._left(order)
+        seen = self._seen if self._seen.ndim == 2 else self._seen[:, None]
+        return np.asarray(1 - (left**2).mean(axis=0) / (seen.var(axis=0)[self._columns(order)] + 1e-12))
+
+    def _columns(self, order: Order) -> list[int]:
+        """Columns of the witnesses in the order of the residuals."""
+        return [0] if self._seen.ndim == 1 else list(range(len(order)))
+
+    def _left(self, order: Order) -> Floats:
+        """[T, witnesses] residuals."""
+        columns = list(order)
+        q, qd, qdd = self._q[:, columns], self._qd[:, columns], self._qdd[:, columns]
+        tau = inverse_dynamics(self._robot, q, qd, qdd)
+        if self._seen.ndim == 1:
+            return self._power_left(tau, qd, qdd)[:, None]
+        return self._torque_left(tau, qd, qdd, columns)
+
     def _log_likelihood(self, order: Order) -> Floats:
         """[T] of normal residuals whose deviation is their own."""
         if order not in self._known:
-            columns = list(order)
-            q, qd, qdd = self._q[:, columns], self._qd[:, columns], self._qdd[:, columns]
-            tau = inverse_dynamics(self._robot, q, qd, qdd)
-            by_power = self._seen.ndim == 1
-            left = self._power_left(tau, qd, qdd)[:, None] if by_power else self._torque_left(tau, qd, qdd, columns)
+            left = self._left(order)
             variance = (left**2).mean(axis=0) + (_RESOLVED * self._seen.std(axis=0)) ** 2 + 1e-12
             self._known[order] = np.asarray(-0.5 * (np.log(variance) + left**2 / variance).sum(axis=1))
         return self._known[order]

@@ -8,17 +8,18 @@ from pathlib import Path
 
 import numpy as np
 
-from acqd.dataset.column_check import check_columns, judge_logs, judge_recordings, to_check
+from acqd.dataset.column_check import check_columns, check_each, judge_logs, judge_recordings, to_check
 from acqd.dataset.config import BuildConfig, BuildReport
 from acqd.dataset.cut import AUTO, automatic_length, cut, cut_at_rests
 from acqd.dataset.growing import Existing, existing
 from acqd.dataset.log_files import Logs, read_logs, uncommon_columns
-from acqd.dataset.log_power import LOG, log_power, require_drawn, small_power
+from acqd.dataset.log_power import LOG, log_power, require_drawn, small_power, some_power
 from acqd.dataset.merge import merge
 from acqd.dataset.merged_log import Batch, MergedLog
 from acqd.dataset.motion_notes import end_notes
 from acqd.dataset.placement import Alignment, given, place
-from acqd.dataset.power import PowerStream, open_power
+from acqd.dataset.power import PowerStream, open_power, require_fast
+from acqd.dataset.power_values import large_power
 from acqd.dataset.regressors import Regressors, regressors_of
 from acqd.dataset.report import report_writer
 from acqd.dataset.write import write_dataset
@@ -33,6 +34,12 @@ _MIN_VALID_S = 2.0
 _MIN_FOR_CLOCK = 4  # logs from which on a common clock is expected
 _FEW = 4  # recordings that training and the loop need
 _LONG_S = 20.0  # one log of this length is cut even if nobody asked: three pieces
+_CONFIRMED = 0.75
+"""Share of the logs that must be placed where no common clock confirms their places."""
+_CAUSES = (
+    "Otherwise the logs may be of another robot (--robot), an axis may have another sign or zero than the description, "
+    "or the meter may average or repeat its values"
+)
 _SQLITE = "sqlite:///"
 _Progress = Callable[[str, float], None]
 
@@ -50,7 +57,12 @@ def build(config: BuildConfig, progress: _Progress) -> BuildReport:
     stream = None if config.power == LOG else open_power(config.power, config.device, config.channel, zone=config.zone)
     if stream is not None:
         require_drawn(stream)
+        if config.lag_s is None:
+            require_fast(stream)
     logs = read_logs(config.logs, robot, before.logs, before.names, lambda share: progress("reading logs", share))
+    unlike = check_each(logs.kept, robot)
+    if unlike:
+        logs.keep(lambda log: _require_alike(log, unlike), lambda _: None)
     if to_check(logs.kept, robot):
         logs.keep(lambda log: check_columns(log, robot), lambda _: None)
     by_torque = judge_logs(logs.kept, robot)
@@ -67,6 +79,7 @@ def build(config: BuildConfig, progress: _Progress) -> BuildReport:
         powers = [stream]
     logs.notes += [note for power in powers for note in power.notes]
     logs.notes += small_power(powers)
+    logs.notes += [note] if (note := large_power(np.concatenate([some_power(each) for each in powers]), robot)) else []
     _require_placements(alignment)
     merged = _merge_all(config, logs.kept, powers, alignment)
     recordings = [each.recording for each in merged if each.recording]
@@ -81,6 +94,11 @@ def build(config: BuildConfig, progress: _Progress) -> BuildReport:
     page = REPORT if report.version == 1 else f"report-{report.version}.html"
     connect(config.out / page, [Path(config.power.removeprefix(_SQLITE)).parent / REPORT, config.out / REPORT])
     return report
+
+
+def _require_alike(log: RobotLog, unlike: dict[Path, str]) -> None:
+    if log.path in unlike:
+        raise InputError(log.path, unlike[log.path])
 
 
 def _cut(logs: Logs, config: BuildConfig, robot: RobotDescription, before: Existing) -> None:
@@ -132,11 +150,19 @@ def _align(
 
 
 def _require_placements(alignment: Alignment) -> None:
+    """Raises UserError where no log has a place, or so few that chance may have found theirs."""
     placements = alignment.placements
-    if all(placement.method == "refused" for placement in placements):
+    placed = [placement for placement in placements if placement.method != "refused"]
+    best = f"best R2 {max(placement.own.r2 for placement in placements):.2f}"
+    if not placed:
         raise UserError(
-            f"none of {len(placements)} logs can be placed in the power stream (best R2 "
-            f"{max(placement.own.r2 for placement in placements):.2f}): is it this robot's power, of these days?"
+            f"none of {len(placements)} logs can be placed in the power stream ({best}): is it this robot's power, of "
+            f"these days? {_CAUSES}"
+        )
+    if alignment.line is None and len(placements) >= _MIN_FOR_CLOCK and len(placed) < _CONFIRMED * len(placements):
+        raise UserError(
+            f"only {len(placed)} of {len(placements)} logs can be placed in the power stream ({best}), on no common "
+            f"clock: such places may be chance. {_CAUSES}"
         )
 
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
+from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
 
 from acqd.arrays import Floats
-from acqd.dataset.axis_order import OrderJudgement, OrderSample, judge_order, pieces
+from acqd.dataset.axis_order import OrderJudgement, OrderSample, judge_order, judge_zeros, pieces, share_of
 from acqd.dataset.merge import Recording
 from acqd.dataset.regressors import best_torque
 from acqd.errors import InputError, UserError
@@ -27,6 +28,11 @@ _CLEARLY = 0.2
 _THINNED = 3
 """Every third row is compared: neighbours tell the same."""
 _STEP_S = 0.04
+_FEWEST_TO_COMPARE = 3
+_WORSE = 1.5
+"""Unexplained share of a log over that of the others, from which on the log is judged alone."""
+_OTHER_UNIT = 3.0
+"""Logged over computed torque that no description and no payload explains."""
 
 
 def judge_logs(logs: list[RobotLog], robot: RobotDescription) -> OrderJudgement | None:
@@ -39,6 +45,36 @@ def judge_logs(logs: list[RobotLog], robot: RobotDescription) -> OrderJudgement 
     samples = [sample for log in some if (sample := _sample(log, robot)) is not None]
     many = f"{logs[0].path.parent}: in its {len(logs)} logs" if len(logs) > 1 else f"{logs[0].path}"
     return _judged(robot, samples, many)
+
+
+def check_each(logs: list[RobotLog], robot: RobotDescription) -> dict[Path, str]:
+    """Of logs whose axes are in another order than those of the other logs: why.
+
+    All logs together confirm the order by torques or currents; one that they explain much worse is judged alone.
+    """
+    reasons: dict[Path, str] = {}
+    if len(logs) < _FEWEST_TO_COMPARE:
+        return reasons
+    samples = {k: sample for k, log in enumerate(logs) if (sample := _sample(log, robot)) is not None}
+    long = {
+        k: list(pieces(q, seen, np.ones(len(q), bool), _STEP_S)) for k, (_, q, seen) in samples.items() if len(q) > 1
+    }
+    guessed = {
+        k: name == "currents" and any(j.guesses_drive for j in robot.joint) for k, (name, _, _) in samples.items()
+    }
+    explained = {k: share_of(robot, some, guessed=guessed[k]) for k, some in long.items() if some}
+    if len(explained) < _FEWEST_TO_COMPARE:
+        return reasons
+    usual = float(np.median(list(explained.values())))
+    for k, share in explained.items():
+        if 1 - share < _WORSE * (1 - usual):
+            continue
+        judged = judge_order(robot, long[k], guessed=guessed[k])
+        if judged.better is not None:
+            reasons[logs[k].path] = (
+                f"unlike the other logs, its angles and {samples[k][0]} do not fit: {judged.text(robot)}"
+            )
+    return reasons
 
 
 def judge_table(recordings: list[Recording], robot: RobotDescription) -> list[str]:
@@ -67,12 +103,15 @@ def judge_recordings(
     if by_torque is not None and not by_torque.unsure:
         return []
     some = recordings[:: -(-len(recordings) // _LOGS_CHECKED)]
-    judged = judge_order(robot, [piece for recording in some for piece in _power_pieces(recording, robot.axes)])
+    long = [piece for recording in some for piece in _power_pieces(recording, robot.axes)]
+    zero = judge_zeros(robot, long) if long else None  # power has other causes, too: no reason to refuse
+    doubts = [f"angles and power hardly fit as logged: {zero.text(robot)}"] if zero is not None else []
+    judged = judge_order(robot, long)
     if judged.better is not None and (by_torque is None or judged.better in by_torque.unsure):
         raise UserError(f"angles and power of {len(recordings)} recordings do not fit as logged: {judged.text(robot)}")
     judged = judged if by_torque is None else by_torque.together(judged)
     witness = "by their power" if by_torque is None else "by their torques, currents and power"
-    return [note] if (note := judged.note(robot, witness)) else []
+    return doubts + ([note] if (note := judged.note(robot, witness)) else [])
 
 
 def _power_pieces(recording: Recording, axes: int) -> Iterator[OrderSample]:
@@ -86,10 +125,46 @@ def _judged(robot: RobotDescription, samples: list[Sample], where: str) -> Order
         return None
     guessed = samples[0][0] == "currents" and any(joint.guesses_drive for joint in robot.joint)
     long = [piece for _, q, seen in samples for piece in pieces(q, seen, np.ones(len(q), bool), _STEP_S)]
+    _require_scale(robot, samples, where)
     judged = judge_order(robot, long, guessed=guessed)
+    zero = judge_zeros(robot, long, guessed=guessed) if long else None
+    if zero is not None and (
+        judged.better is None or zero.share > share_of(robot, long, judged.better, guessed=guessed)
+    ):
+        raise UserError(f"{where}, angles and {samples[0][0]} do not fit as logged: {zero.text(robot)}")
     if judged.better is not None:
         raise UserError(f"{where}, angles and {samples[0][0]} do not fit as logged: {judged.text(robot)}")
     return judged
+
+
+def _require_scale(robot: RobotDescription, samples: list[Sample], where: str) -> None:
+    """Raises UserError for torques of another unit, of the motors' side, or that are only noise.
+
+    Gravity gives the scale: the joint that carries most of the arm's weight. Currents have guessed gains, and no scale.
+    """
+    if samples[0][0] != "torques":
+        return
+    computed, logged = [], []
+    for _, q, seen in samples:
+        qd = np.gradient(q, _STEP_S, axis=0)
+        some = slice(None, None, _THINNED)
+        computed.append(inverse_dynamics(robot, q[some], qd[some], np.gradient(qd, _STEP_S, axis=0)[some]))
+        logged.append(seen[some])
+    needed, there = (np.concatenate(each).std(axis=0) for each in (computed, logged))
+    loaded = np.flatnonzero(needed > _MIN_DEVIATION_NM)
+    if not len(loaded):
+        return
+    ratios = there[loaded] / needed[loaded]
+    worst = int(np.argmax(np.abs(np.log(np.maximum(ratios, 1e-9)))))
+    usual = float(np.median(ratios))
+    if 1 / _OTHER_UNIT < usual < _OTHER_UNIT and 1 / _OTHER_UNIT < ratios[int(needed[loaded].argmax())] < _OTHER_UNIT:
+        return
+    name = robot.joint[int(loaded[worst])].name
+    raise UserError(
+        f"{where}, the torque of {name} varies {ratios[worst]:.3g} times as much as the described masses need: is it "
+        "in mNm or per cent, at the motor before the gear, or noise of a joint that is not measured? Expected Nm (N) "
+        "at the joint; leave the columns out if they are not torques"
+    )
 
 
 def to_check(logs: list[RobotLog], robot: RobotDescription) -> list[RobotLog]:

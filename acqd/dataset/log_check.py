@@ -8,8 +8,10 @@ from acqd.errors import InputError
 from acqd.robot.description import RobotDescription
 from acqd.robot.log import RobotLog, in_time
 
-_SLOWEST_S = 0.125
+SLOWEST_S = 0.125
 """Longest usual step between rows: angles are not interpolated over more than twice that (merge.py)."""
+_FASTEST_S = 2e-5
+"""Shortest credible step: no controller is faster than 50 kHz."""
 _SPARSE = 100.0
 """Times the usual step that rows may be apart on average: a recorder that pauses leaves gaps, not seldom rows."""
 _MOVING = 0.05
@@ -27,10 +29,14 @@ def check_log(log: RobotLog, robot: RobotDescription) -> None:
     if len(time) < 2:
         raise InputError(log.path, f"has {len(time)} rows of different times; expected a recording of seconds")
     step_s = float(np.median(np.diff(time)))
-    if step_s > _SLOWEST_S:
+    if step_s < _FASTEST_S:
+        raise InputError(
+            log.path, f"most of its rows are {step_s:.3g} s apart: is its time in days, or in another unit? Write s"
+        )
+    if step_s > SLOWEST_S:
         raise InputError(
             log.path,
-            f"has a row every {step_s:.3g} s, expected one every {_SLOWEST_S} s or faster: "
+            f"has a row every {step_s:.3g} s, expected one every {SLOWEST_S} s or faster: "
             "the motion between the rows is unknown; record at 25 Hz or more",
         )
     span_s = float(time[-1] - time[0])

@@ -9,7 +9,7 @@ from acqd.dataset.power import PowerStream
 from acqd.errors import InputError
 from acqd.robot.log import RobotLog, in_time
 
-_LEAST_W = 2.0
+LEAST_W = 2.0
 """The electronics of the smallest arms at rest take more."""
 _HIGH = 95
 """Percentile of the power that a robot in operation exceeds."""
@@ -44,7 +44,7 @@ def log_power(log: RobotLog) -> PowerStream:
 
 def require_drawn(power: PowerStream) -> None:
     """Raises InputError if power flows out of the robot on average."""
-    known = _sample(power)
+    known = some_power(power)
     mean_W = float(known.mean()) if len(known) else 0.0
     if mean_W < 0:
         raise InputError(
@@ -56,15 +56,15 @@ def require_drawn(power: PowerStream) -> None:
 
 def small_power(powers: list[PowerStream]) -> list[str]:
     """A note on power that is too small for a robot; a meter may run for hours while the robot is off."""
-    known = [_sample(each) for each in powers]
+    known = [some_power(each) for each in powers]
     high = [float(np.percentile(each, _HIGH)) for each in known if len(each)]
     high_W = float(np.median(high or [np.inf]))
-    if high_W >= _LEAST_W:
+    if high_W >= LEAST_W:
         return []
     return [f"the power is below {high_W:.3g} W in {_HIGH} % of the rows, little for a robot: is it in kW? expected W"]
 
 
-def _sample(power: PowerStream) -> Floats:
+def some_power(power: PowerStream) -> Floats:
     """Known power [n] W of rows at equal distances: a stream may be larger than memory."""
     some = power.P[:: max(1, len(power.P) // _SAMPLE_ROWS)]
     return np.asarray(some[np.isfinite(some)])

@@ -17,12 +17,13 @@ def motion_notes(logs: list[RobotLog]) -> list[str]:
         return [f"{log.path}: {'; '.join(log.quality.sentences())}" for log in faulty]
     worst = max(faulty, key=lambda log: log.quality.bad_share)
     notes = [f"{log.path}: {log.quality.rebuilt.sentence()}" for log in faulty if log.quality.rebuilt][:1]
+    notes += [f"{log.path}: {log.quality.fault.text}" for log in faulty if log.quality.fault][:1]
     smooth = [log for log in faulty if log.quality.smoothing]
     if smooth:
         log = max(smooth, key=lambda log: log.quality.smoothing.longest_s if log.quality.smoothing else 0.0)
         assert log.quality.smoothing is not None
         notes.append(f"the motion of {len(smooth)} logs is smoothed; {log.path}: {log.quality.smoothing.sentence()}")
-    if worst.quality.bad:
+    if worst.quality.left_out():
         left_out = sum(log.quality.bad for log in faulty)
         share = left_out / max(sum(log.quality.moving for log in logs), 1)
         notes.append(
@@ -33,6 +34,7 @@ def motion_notes(logs: list[RobotLog]) -> list[str]:
         ("jumps by whole turns were unwrapped", {log.path: log.quality.unwrapped for log in faulty}),
         ("never changes while the arm moves, and counts as not measured",
          {log.path: log.quality.unmeasured for log in faulty}),
+        ("left out", {log.path: log.quality.unusable for log in faulty}),
     ):  # fmt: skip
         concerned = {path: named for path, named in names.items() if named}
         if concerned:

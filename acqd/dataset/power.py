@@ -16,7 +16,9 @@ from acqd.arrays import Floats
 from acqd.dataset.local_clock import LocalClock
 from acqd.dataset.power_source import PowerRows
 from acqd.dataset.power_sql import read_database
+from acqd.dataset.power_values import no_value_note, no_values, range_note, refreshed_every
 from acqd.errors import InputError, UserError
+from acqd.robot.row_clock import even_times
 from acqd.rounded_times import rebuilt_times, shared_stamps
 from acqd.storage.url import shown
 from acqd.timestamps import Nanoseconds
@@ -28,6 +30,18 @@ _LABELS: tuple[Measured, ...] = ("simulated", "derived")  # flags of rows that s
 FILES = (".parquet", ".jsonl", ".json", ".ndjson", ".csv", ".txt")
 """Files of rows; they are read by pyarrow. A database needs nothing more than acqd."""
 _ROW = np.dtype([("time", np.int64), ("P", np.float64), ("Vrms", np.float64)])
+_MOST_UNSURE_S = 0.5
+"""Error of all times from which on no lag can be read."""
+_FASTEST_NS = 1e5
+_PAUSE_S = 5.0
+"""Step that is a gap, not a late row."""
+_SAMPLE = 100
+_IN_PACKETS = 0.5
+"""Usual step over the mean one, below which rows come in packets."""
+_UNEVEN, _MOST_STEPS = 0.25, 90
+"""Difference of steps, over the usual one, that is noted, and the percentile that must differ so much."""
+_SLOWEST_S = 0.25
+"""Longest step between rows that are aligned with a motion."""
 _WINDOW_ROWS = 100_000  # of which the window's length is the median step
 
 
@@ -116,15 +130,81 @@ def _spool(origin: str, blocks: Iterator[PowerRows], clock: LocalClock) -> Power
         time_ns = mapped["time"]
     if len(time_ns) < 3:
         raise UserError(f"power {origin}: fewer than three rows of that device and channel at different times")
+    stamp_error_s += _even_out(origin, time_ns, notes)
     step_ns = float(np.median(np.diff(time_ns[:_WINDOW_ROWS])))
+    if step_ns < _FASTEST_NS:
+        raise InputError(
+            origin,
+            f"most of its rows are {step_ns * 1e-9:.3g} s apart: is its time in days, or in another unit? Write s",
+        )
     window_ns = round(step_ns / 1000) * 1000  # times in files are often rounded to microseconds
     known = mapped["P"][np.isfinite(mapped["P"])]
     if len(known) < 3 or np.ptp(known) == 0.0:
         raise UserError(f"power {origin}: P is constant or missing; is this the robot's channel?")
     measured: Measured = next((label for label in _LABELS if label in flags), "mains")
+    stamp_error_s += _doubt_values(origin, mapped["P"], window_ns, notes)
     return PowerStream(
         time_ns, mapped["P"], mapped["Vrms"], window_ns, dropped, measured, origin, tuple(notes), stamp_error_s
     )
+
+
+def _doubt_values(origin: str, P: Floats, window_ns: int, notes: list[str]) -> float:
+    """Removes numbers that stand for no value, in place; how late values may be [s] that the meter repeats."""
+    nothing = no_values(P)
+    if nothing is not None:
+        P[nothing[0]] = np.nan
+        notes.append(f"power {origin}: {no_value_note(int(nothing[0].sum()), len(P), nothing[1])}")
+    if text := range_note(P):
+        notes.append(f"power {origin}: {text}")
+    rows = refreshed_every(P)
+    if rows == 1:
+        return 0.0
+    refresh_s = rows * window_ns * 1e-9
+    notes.append(
+        f"power {origin}: the meter has a new value every {refresh_s:.2g} s and repeats the last one in between: the "
+        f"power is up to so much late, and fast changes are lost; ask it every {refresh_s:.2g} s, or use a faster meter"
+    )
+    return refresh_s / 2
+
+
+def _even_out(origin: str, time_ns: Nanoseconds, notes: list[str]) -> float:
+    """Puts rows that were stamped in packets at even distances, in place; how wrong all times may be [s].
+
+    A row that comes late says nothing of its window. Jitter is only noted: the meter may have been read unevenly.
+    """
+    steps = np.diff(time_ns[:_WINDOW_ROWS]) * 1e-9
+    near = steps[steps < _PAUSE_S]
+    if len(near) < _SAMPLE:
+        return 0.0
+    mean_s, usual_s = float(near.mean()), float(np.median(near))
+    if usual_s < _IN_PACKETS * mean_s:
+        since_s = (time_ns - time_ns[0]) * 1e-9
+        even = even_times(since_s, window_s=2 * _PAUSE_S, pauses=np.diff(since_s) >= _PAUSE_S)
+        time_ns[:] = time_ns[0] + np.rint(even.time * 1e9).astype(np.int64)
+        notes.append(
+            f"power {origin}: rows come in packets, most of them {1000 * usual_s:.3g} ms apart: they were put at even "
+            f"distances of {1000 * even.row_s:.3g} ms; record the meter's own time"
+        )
+        return even.error_s
+    uneven_s = float(np.percentile(np.abs(near - usual_s), _MOST_STEPS))
+    if uneven_s < _UNEVEN * usual_s:
+        return 0.0
+    notes.append(
+        f"power {origin}: steps between rows differ by {1000 * uneven_s:.2g} ms: if these are times at which rows "
+        "came, they are late; record the meter's own time"
+    )
+    return uneven_s / 2
+
+
+def require_fast(power: PowerStream) -> None:
+    """Raises InputError for rows that are too far apart to be aligned with a motion."""
+    step_s = power.window_ns * 1e-9
+    if step_s > _SLOWEST_S:
+        raise InputError(
+            power.origin,
+            f"has a row every {step_s:.3g} s, expected one every {_SLOWEST_S} s or faster: no lag can be read from "
+            "it; record faster, or give the lag if it is known (--lag)",
+        )
 
 
 def _rebuild_shared_times(origin: str, rows: NDArray[np.void], notes: list[str]) -> float:
@@ -145,6 +225,12 @@ def _rebuild_shared_times(origin: str, rows: NDArray[np.void], notes: list[str])
             f"{shared} of {len(rows)} rows have the time of the row before with another power, and their rate is not "
             "regular: are the times written with too few digits, or are these rows of several meters? Expected times "
             "with three decimals, and one row for each",
+        )
+    if rebuilt.error_s > _MOST_UNSURE_S:
+        raise InputError(
+            origin,
+            f"its times are only written to {rebuilt.stamp_s:.3g} s (as numbers of single precision, say): expected "
+            "three decimals",
         )
     notes.append(f"power {origin}: {rebuilt.sentence()}")
     rows["time"] = rows["time"][0] + np.rint(rebuilt.time * 1e9).astype(np.int64)

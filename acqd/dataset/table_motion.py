@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
 from acqd.arrays import Floats
 from acqd.dataset.log_power import require_drawn, small_power
 from acqd.dataset.power import PowerStream
+from acqd.dataset.power_values import large_power
 from acqd.errors import UserError
+from acqd.robot.columns import speed_fault, stuck, temperature_fault
 from acqd.robot.description import RobotDescription
 from acqd.robot.garbled import FEW, beyond_limit, impossible_jump, limits, reach
 from acqd.robot.motion import MotionQuality, bridged, doubtful_rows, unwrapped
 from acqd.robot.resolution import resolution, smoothed, smoothing_of
 
+_MOVED = 0.05
+"""rad or m that a joint covers at least where its speed, torque and current cannot stay zero."""
+_TITLES = {"qd": "speed", "tau": "torque", "current": "current", "temperature": "temperature"}
 _LONGEST_S = 0.25
 """Angles are not interpolated between known rows that are farther apart."""
 
@@ -49,9 +56,48 @@ def trusted_motion(time: Floats, q: Floats, robot: RobotDescription) -> tuple[Fl
     return filled, usable, doubts.quality(unwrapped=tuple(names), smoothing=smoothing)
 
 
-def require_power(P: Floats, valid: NDArray[np.bool_], step_ns: float) -> None:
-    """Raises UserError for power [T] W that flows out of the robot, or is too small for one."""
+def without_unusable(
+    columns: dict[str, NDArray[np.float64]],
+    time_ns: NDArray[np.int64],
+    q: NDArray[np.float64],
+    known: NDArray[np.bool_],
+    robot: RobotDescription,
+    quality: MotionQuality,
+) -> MotionQuality:
+    """Removes columns that were not measured, or contradict the angles, as reading a log does; what was found."""
+    unmeasured, unusable = [], []
+    moves = np.ptp(q[known], axis=0) > _MOVED if known.any() else np.zeros(robot.axes, bool)
+    for quantity, title in _TITLES.items():
+        names = [f"{quantity}{axis + 1}" for axis in range(robot.axes)]
+        there = [name for name in names if name in columns]
+        if not there:
+            continue
+        fault = ""
+        if len(there) < len(names):
+            fault = f"the {title} of {robot.axes - len(there)} of {robot.axes} joints is missing"
+        values = np.column_stack([columns[name] for name in there])[known]
+        if not fault and len(values) and (axes := stuck(quantity, values, moves)).any():
+            which = "every joint" if axes.all() else robot.joint[int(axes.argmax())].name
+            unmeasured.append(f"the {title} of {which}")
+        elif not fault and quantity == "qd":
+            fault = speed_fault(time_ns[known] * 1e-9, q[known], values, robot)
+        elif not fault and quantity == "temperature":
+            fault = temperature_fault(values)
+        if fault:
+            unusable.append(fault)
+        if fault or (unmeasured and unmeasured[-1].startswith(f"the {title}")):
+            for name in there:
+                del columns[name]
+    return replace(quality, unmeasured=tuple(unmeasured), unusable=tuple(unusable))
+
+
+def require_power(P: Floats, valid: NDArray[np.bool_], step_ns: float, robot: RobotDescription) -> None:
+    """Raises UserError for power [T] W that flows out of the robot, is too small or too large for it, or constant."""
     known = P[valid & np.isfinite(P)]
+    if np.ptp(known) == 0.0:
+        raise UserError(f"table: P is {known[0]:g} W in all rows; is this the robot's power?")
+    if large := large_power(known, robot):
+        raise UserError(f"table: {large}")
     stream = PowerStream(
         np.arange(len(known)) * round(step_ns), known, np.full(len(known), np.nan), round(step_ns), 0, "mains", "table"
     )

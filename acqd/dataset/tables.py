@@ -17,12 +17,14 @@ from numpy.typing import NDArray
 from acqd import __version__
 from acqd.dataset.column_check import judge_table
 from acqd.dataset.growing import write_new
+from acqd.dataset.log_check import SLOWEST_S
 from acqd.dataset.manifest import load_manifest
 from acqd.dataset.merge import Recording
 from acqd.dataset.power import Measured
+from acqd.dataset.power_values import no_value_note, no_values
 from acqd.dataset.schema import TIME, UTC_NS, read_columns, recording_table
 from acqd.dataset.split import with_split
-from acqd.dataset.table_motion import require_power, trusted_motion
+from acqd.dataset.table_motion import require_power, trusted_motion, without_unusable
 from acqd.errors import UserError
 from acqd.robot.description import RobotDescription, load_description
 from acqd.robot.log_ends import sentence, unknown_ends
@@ -75,11 +77,13 @@ def write_table(table: pa.Table, out: Path, robot: str, measured: Measured, seed
     wrong = [r.name for r, step in zip(recordings, steps, strict=True) if abs(step * 1e-9 - step_s) > 1e-6]
     if wrong:
         raise UserError(f"recording {wrong[0]}: another step than {step_s:.6g} s; resample all recordings to one step")
+    notes = _without_no_values(recordings)
     P, valid = (np.concatenate(each) for each in zip(*((r.columns["P"], r.valid) for r in recordings), strict=True))
     if not valid.any():
         raise UserError("the table has no valid rows")
-    require_power(P, valid, step_s * 1e9)
-    notes = judge_table(recordings, description)
+    require_power(P, valid, step_s * 1e9, description)
+    notes += _motion_notes(recordings, description.axes, step_s)
+    notes += judge_table(recordings, description)
     entries = [
         _entry(recording, part, step_s) | {"motion": quality.as_json() | {"unknown_ends": recording.unknown_ends}}
         for recording, part, quality in zip(recordings, parts, qualities, strict=True)
@@ -110,6 +114,29 @@ def write_table(table: pa.Table, out: Path, robot: str, measured: Measured, seed
         warnings.warn(note, UserWarning, stacklevel=3)
 
 
+def _motion_notes(recordings: list[Recording], axes: int, step_s: float) -> list[str]:
+    """Lines on rows that are far apart, and on angles that never change."""
+    notes = []
+    if step_s > SLOWEST_S:
+        notes.append(
+            f"rows are {step_s:.3g} s apart: accelerations between them are not known; use 0.04 s where you can"
+        )
+    if all(np.ptp(each.of_axes("q", axes)[each.valid], axis=0).max(initial=0.0) == 0.0 for each in recordings):
+        notes.append("no angle changes in any recording: the robot stands still, or its angles are not measured")
+    return notes
+
+
+def _without_no_values(recordings: list[Recording]) -> list[str]:
+    """Makes rows invalid whose power is a number that stands for no value; a line that says so."""
+    P = np.concatenate([recording.columns["P"] for recording in recordings])
+    nothing = no_values(P)
+    if nothing is None:
+        return []
+    for recording in recordings:
+        recording.valid[recording.columns["P"] == nothing[1]] = False
+    return [f"power: {no_value_note(int(nothing[0].sum()), len(P), nothing[1])}"]
+
+
 def _part(name: str, rows: pa.Table) -> str | None:
     """The part of the split that all rows of a recording name; None without a column. Raises UserError."""
     if "split" not in rows.column_names:
@@ -132,7 +159,10 @@ def _require_columns(table: pa.Table, robot: RobotDescription) -> None:
     if not len(table):
         raise UserError("the table has no rows")
     if not pa.types.is_timestamp(table.schema.field(TIME).type) or table.schema.field(TIME).type.tz is None:
-        raise UserError("column time: expected timestamps with a time zone, such as UTC")
+        raise UserError(
+            "column time: expected timestamps with a time zone, such as pandas.to_datetime(seconds, unit='s', "
+            "utc=True), or series.dt.tz_localize('Europe/Berlin') for local times"
+        )
     for name in (TIME, RECORDING):
         if table[name].null_count:
             row = table[name].is_null().to_pylist().index(True) + 1
@@ -148,9 +178,14 @@ def _recording(name: str, rows: pa.Table, robot: RobotDescription) -> tuple[Reco
         raise UserError(f"recording {name}: has {len(time_ns)} rows, expected at least three")
     steps = np.diff(time_ns)
     step_ns = float(np.median(steps))
+    if not (steps > 0).all():
+        row = int((steps <= 0).argmax()) + 2
+        raise UserError(
+            f"recording {name}: row {row} is not later than the row before; sort by time, without duplicates"
+        )
     uneven = np.flatnonzero(np.abs(steps - step_ns) > _STEP_ERROR * step_ns)
-    if len(uneven) or step_ns <= 0:
-        row = int(uneven[0]) + 2 if len(uneven) else 2
+    if len(uneven):
+        row = int(uneven[0]) + 2
         raise UserError(
             f"recording {name}: row {row} is not {step_ns * 1e-9:.6g} s after the row before; resample it to one step"
         )
@@ -166,6 +201,7 @@ def _recording(name: str, rows: pa.Table, robot: RobotDescription) -> tuple[Reco
     except ValueError as error:
         raise UserError(f"recording {name}: {error}") from None
     columns |= dict(zip(angles, q.T, strict=True))
+    quality = without_unusable(columns, time_ns, q, known, robot, quality)
     ends = valid & unknown_ends(q, known, step_ns * 1e-9)
     valid &= known & ~ends
     context = known & ~valid

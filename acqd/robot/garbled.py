@@ -26,6 +26,8 @@ _APART_STEPS = 200
 _RUN = 5  # rows with even steps: such a run is a part of the recording, wherever it lies
 _TOO_FAST = 3.0  # times the joint's speed limit
 _RESOLUTION = 0.1  # rad
+_SHORTER = 0.8
+"""Way in the order of the times over that in the order of the rows, from which on rows are only out of order."""
 _SAME = 0.001  # rad between angles of the same time
 
 
@@ -75,9 +77,10 @@ def impossible_jump(time: Floats, q: Floats, robot: RobotDescription) -> tuple[i
 def clock_restart(time: Floats, q: Floats) -> int | None:
     """The first row of a run whose times were there before, with other angles; None without one.
 
-    Several recordings in one file, say: sorted by time, they would be mixed. Rows that were written twice are not.
+    Several recordings in one file, say: sorted by time, they would be mixed. Rows that were written twice, or out of
+    order, are not: sorted by time, the arm goes a shorter way.
     """
-    if len(time) < 2:
+    if len(time) < 2 or _way(q[np.argsort(time, kind="stable")]) < _SHORTER * _way(q):
         return None
     for before, after in itertools.pairwise(_runs(time)):
         both = (time[after] > time[before][0]) & (time[after] < time[before][-1])
@@ -86,6 +89,11 @@ def clock_restart(time: Floats, q: Floats) -> int | None:
             if np.abs(known - q[after][both]).max() > _SAME:
                 return int(after.start)
     return None
+
+
+def _way(q: Floats) -> float:
+    """What all joints together move over from row to row."""
+    return float(np.abs(np.diff(q, axis=0)).sum())
 
 
 def reach(step_s: Floats, robot: RobotDescription) -> Floats:

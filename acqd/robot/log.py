@@ -12,25 +12,29 @@ from numpy.typing import NDArray
 from acqd.arrays import Floats
 from acqd.errors import InputError
 from acqd.robot.bag import is_bag, read_bag
+from acqd.robot.columns import speed_fault, stuck, temperature_fault
 from acqd.robot.description import LogColumns, RobotDescription
 from acqd.robot.garbled import BEYOND, FEW, beyond_limit, clock_restart, garbled_rows, impossible_jump, limits, reach
-from acqd.robot.log_layout import LABELS, PER_AXIS, Columns, layout_of, twice, why_not
+from acqd.robot.log_layout import LABELS, PER_AXIS, Columns, layout_of, more_axes, twice, why_not
 from acqd.robot.motion import MotionQuality, doubtful_rows, unwrapped
 from acqd.robot.resolution import resolution, smoothed, smoothing_of
+from acqd.robot.row_clock import LateStamps, clock_fault, late_stamps
 from acqd.robot.table import Table, read_table
 from acqd.robot.tool_point import check_tool_point
 from acqd.rounded_times import Rebuilt, rebuilt_times, shared_stamps
 
 LATEST_S = 7_258_118_400.0
 """2200-01-01 in Unix seconds."""
+_MS = 1e14
+"""Unix time in ms is below, in us below a thousand times that."""
 _DAY_S = 86_400.0
+_NO_TIMES = 0.9
+"""Share of rows without a time beyond which times are of another form."""
 _NAMED_ROWS = 5
 _MOVED = 0.05
 """rad or m that a joint covers at least in a log in which its speed, torque and current cannot stay zero."""
 _FEW_SHARED = 0.25
 """Share of rows up to which rows of one stamp can be spared."""
-_MANY_ROWS = 200
-"""Rows over which no measured torque or current of a moving joint has one value only."""
 _TITLES = {"qd": "speed", "tau": "torque", "current": "current", "temperature": "temperature"}
 
 
@@ -97,8 +101,9 @@ def log_of(path: Path, table: Table, robot: RobotDescription) -> RobotLog:
     log = _assemble(path, table, *found)
     usual = float(np.median(log.time))  # single stamps may be garbled
     if usual > LATEST_S:
-        raise InputError(path, f"its times are about {usual:.4g} s; expected seconds before 2200; in ms or ns?")
-    log, stamps = _with_distinct_times(log)
+        unit = "ms" if usual < _MS else "us" if usual < 1e3 * _MS else "ns"
+        raise InputError(path, f"its times are about {usual:.4g} s; expected seconds before 2200: are they in {unit}?")
+    log, stamps = _with_even_times(*_with_distinct_times(log), robot)
     point = table.values[:, found[1]["tool_point"]] if "tool_point" in found[1] else None
     recorded, log = log.q, _unwrapped(log, robot)
     faults = garbled_rows(log.time, log.q, robot) | table.broken
@@ -115,6 +120,7 @@ def log_of(path: Path, table: Table, robot: RobotDescription) -> RobotLog:
         back = f"time goes back from {log.time[restart - 1]:.3f} to {log.time[restart]:.3f} s"
         raise InputError(path, f"row {table.line(restart)}: {back} with other angles: write one file per recording")
     order = np.unique(log.time, return_index=True)[1]
+    order = order[np.concatenate([[True], (np.diff(log.q[order], axis=0) != 0).any(axis=1)])]  # poses may be held
     jump = impossible_jump(log.time[order], log.q[order], robot)
     if jump is not None:
         where = f"row {table.line(order[jump[0] + 1])}"
@@ -122,7 +128,10 @@ def log_of(path: Path, table: Table, robot: RobotDescription) -> RobotLog:
     if point is not None:
         check_tool_point(path, robot, log.q, point)
     wrapped = tuple(robot.joint[axis].name for axis in np.flatnonzero((recorded != log.q).any(axis=0)))
-    return _trusted(log, robot, wrapped, stamps)
+    if more := more_axes(table, robot, found[0]):
+        axes = f"has {robot.axes + more} axes, {robot.name} has {robot.axes}: the others are not used; is it its log?"
+        log = replace(log, note=f"{log.note}; {axes}" if log.note else axes)
+    return _trusted(log, robot, wrapped, stamps, table)
 
 
 def _with_distinct_times(log: RobotLog) -> tuple[RobotLog, Rebuilt | None]:
@@ -150,6 +159,30 @@ def _with_distinct_times(log: RobotLog) -> tuple[RobotLog, Rebuilt | None]:
     return replace(log, time=origin + rebuilt.time), rebuilt
 
 
+def _with_even_times(
+    log: RobotLog, rebuilt: Rebuilt | None, robot: RobotDescription
+) -> tuple[RobotLog, Rebuilt | LateStamps | None]:
+    """The log with the times of the controller's rate where the stamps are those of a recorder, and how."""
+    good = np.flatnonzero(np.isfinite(log.time) & np.isfinite(log.q).all(axis=1))
+    if rebuilt is not None or len(good) < 2:
+        return log, rebuilt
+    rows = good[np.unique(log.time[good], return_index=True)[1]]
+    if not (np.diff(rows) > 0).all():  # rows that are not in order tell nothing of who stamped them
+        return log, None
+    origin = float(np.median(log.time[good]))
+    late = late_stamps(log.time[rows] - origin, log.q[rows], robot.speed, _steps(log.q[rows]))
+    if late is None:
+        return log, None
+    time = log.time.copy()
+    time[rows] = origin + late.time
+    return replace(log, time=time), late
+
+
+def _steps(q: Floats) -> Floats:
+    """[axes] rad or m: how finely angles [T, axes] are written."""
+    return np.array([resolution(angle) for angle in q.T])
+
+
 def _unwrapped(log: RobotLog, robot: RobotDescription) -> RobotLog:
     """The log without jumps of its angles by whole turns."""
     good = np.flatnonzero(np.isfinite(log.time) & np.isfinite(log.q).all(axis=1))
@@ -164,43 +197,59 @@ def _unwrapped(log: RobotLog, robot: RobotDescription) -> RobotLog:
     return replace(log, q=angles)
 
 
-def _trusted(log: RobotLog, robot: RobotDescription, wrapped: tuple[str, ...], rebuilt: Rebuilt | None) -> RobotLog:
-    """The log without rows whose pose is not that of their time, and without quantities that are not measured."""
+def _trusted(
+    log: RobotLog,
+    robot: RobotDescription,
+    wrapped: tuple[str, ...],
+    rebuilt: Rebuilt | LateStamps | None,
+    table: Table,
+) -> RobotLog:
+    """The log without rows whose pose is not that of their time, and without quantities that are not measured.
+
+    Raises InputError where the times are not those of the poses at all.
+    """
     stamps, rows = in_time(log)
-    q_step = np.array([resolution(angle) for angle in log.q[rows].T])
+    q_step = _steps(log.q[rows])
     doubts = doubtful_rows(stamps, log.q[rows], robot.speed, q_step)
+    new = np.flatnonzero(~doubts.repeated)
+    fault = clock_fault(stamps[new], log.q[rows[new]], robot.speed, q_step)
+    if fault is not None and fault.refused:
+        where = "" if fault.row is None else f"row {table.line(int(rows[new[fault.row]]))}: "
+        raise InputError(log.path, where + fault.text)
     moves = np.ptp(log.q, axis=0) > _MOVED
     known = {name: values for name in _TITLES if (values := getattr(log, name)) is not None and len(values)}
-    stuck = {name: axes for name, values in known.items() if (axes := _stuck(name, values, moves)).any()}
+    constant = {name: axes for name, values in known.items() if (axes := stuck(name, values, moves)).any()}
     unmeasured = tuple(
         f"the {_TITLES[name]} of {'every joint' if axes.all() else robot.joint[int(axes.argmax())].name}"
-        for name, axes in stuck.items()
+        for name, axes in constant.items()
     )
+    unusable = {}
+    if log.qd is not None and "qd" not in constant:
+        unusable["qd"] = speed_fault(stamps[new], log.q[rows[new]], log.qd[rows[new]], robot)
+    if log.temperature is not None and "temperature" not in constant:
+        unusable["temperature"] = temperature_fault(log.temperature)
+    unusable = {name: fault for name, fault in unusable.items() if fault}
     good = ~doubts.any
     smoothing = smoothing_of(stamps[good], log.q[rows[good]], q_step, robot.speed)
     if smoothing:
         angles = log.q.copy()
         angles[rows[good]] = smoothed(stamps[good], log.q[rows[good]], smoothing.windows_s)
         log = replace(log, q=angles)
-    quality = doubts.quality(unwrapped=wrapped, unmeasured=unmeasured, rebuilt=rebuilt, smoothing=smoothing)
-    gone: dict[str, Any] = dict.fromkeys(stuck)
+    quality = doubts.quality(
+        unwrapped=wrapped,
+        unmeasured=unmeasured,
+        unusable=tuple(unusable.values()),
+        rebuilt=rebuilt,
+        fault=fault,
+        smoothing=smoothing,
+    )
+    gone: dict[str, Any] = dict.fromkeys([*constant, *unusable])
     log = replace(log, quality=quality, **gone)
     if not quality.bad:
         return log
     kept = np.ones(len(log.time), bool)
     kept[np.isin(log.time, stamps[doubts.any])] = False
     return log.part(kept, log.path)
-
-
-def _stuck(name: str, values: Floats, moves: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """[axes] whether the column of a joint that moves, of columns [T, axes], holds zeros only, or one number too often.
-
-    A speed and a temperature may be constant, and a joint may be at 0 degC, but not all joints.
-    """
-    if name == "temperature":
-        return np.full(len(moves), not values.any())
-    often = name != "qd" and len(values) >= _MANY_ROWS
-    return np.asarray(moves & (np.ptp(values, axis=0) == 0.0) & (often | (values[0] == 0.0)))
 
 
 def _assemble(path: Path, table: Table, layout: LogColumns, columns: Columns) -> RobotLog:
@@ -224,8 +273,15 @@ def _assemble(path: Path, table: Table, layout: LogColumns, columns: Columns) ->
 
 def _refusal(table: Table, q: Floats, faults: dict[int, str], robot: RobotDescription) -> str:
     """Why a log with many garbled rows is refused: degrees, another robot, or damage."""
-    row = min(faults)
+    kinds = [text.split(" is ")[0] for text in faults.values()]
+    usual = max(set(kinds), key=kinds.count)  # a line of units, say, is a fault, but not why a log is refused
+    row = next(row for row, kind in zip(faults, kinds, strict=True) if kind == usual)
     text = faults[row]
+    if usual == "time" and "no number" in text and kinds.count(usual) > _NO_TIMES * len(q):
+        return (
+            f"row {table.line(row)}: its times are neither numbers nor dates of the form 2026-01-27T08:00:00.000Z: "
+            "write seconds, or such dates"
+        )
     share = f" ({len(faults)} of {len(q)} rows are garbled)" if len(faults) > 1 else ""
     worst = np.abs(q).max(axis=0, initial=0.0, where=np.isfinite(q))
     beyond = np.flatnonzero(worst > limits(robot))

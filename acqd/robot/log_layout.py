@@ -96,6 +96,17 @@ def twice(table: Table, columns: Columns) -> str | None:
     return next((name for name in used if header.count(name) > 1), None)
 
 
+def more_axes(table: Table, robot: RobotDescription, layout: LogColumns) -> int:
+    """Axes of the table beyond those of `robot`."""
+    if table.header is None or not layout.q:
+        return 0
+    names = set(table.header)
+    count = 0
+    while layout.q.format(robot.axes + count, robot.axes + count + 1) in names:
+        count += 1
+    return count
+
+
 def why_not(table: Table, robot: RobotDescription) -> str:
     """Why no layout of `robot` fits the table: a sentence for the user that quotes nothing of the file.
 
@@ -114,7 +125,16 @@ def why_not(table: Table, robot: RobotDescription) -> str:
         count = len(numbered.get(pattern, ()))
         if count and count != robot.axes:
             return f"has {count} columns {pattern.replace('#', 'N')}, but {robot.name} has {robot.axes} axes"
+        counted = numbered.get(pattern, set())
+        if count and counted == set(range(robot.axes)) and pattern == layouts[-1].q.format("#", "#"):
+            return f"counts its axes from 0: expected {pattern.replace('#', '1')} .. {pattern.replace('#', str(count))}"
         if count:  # all angles are there, so that the time is not
             return f"has {count} columns {pattern.replace('#', 'N')}, but no time: expected {_clocks(layouts)}"
+    plain = [re.sub(r"[\[(].*?[\])]|[^a-z0-9]", "", name.lower()) for name in table.header]
+    if {"time", *(f"q{axis + 1}" for axis in range(robot.axes))} <= set(plain):
+        return (
+            f"names its columns otherwise: expected time, q1 .. q{robot.axes} (s, rad) in small letters, without "
+            "units, blanks or underscores"
+        )
     expected = " or ".join([f"time,q1..q{robot.axes}", *patterns[:-1]])
     return f"has none of the columns a log of {robot.name} has ({expected}); look at its first line"

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from acqd.arrays import Floats
 from acqd.numerics import mad_sigma, runs_of_true
 from acqd.robot.resolution import Smoothing
+from acqd.robot.row_clock import ClockFault, LateStamps
 from acqd.rounded_times import Rebuilt
 
 Flags = NDArray[np.bool_]
@@ -43,6 +44,10 @@ _ALONG = 0.5
 """Distance across the path, over that along the path, at which a pose is off the path and not late on it."""
 _FAR_ROWS = 8.0
 """Usual rows between the outer ones of four neighbours, beyond which they say nothing of the pose between them."""
+_AROUND = 8
+"""Rows before and after by which an arm arrives and leaves."""
+_AGAIN_ROWS = 20
+"""Rows after which a pose may be sent again."""
 _PASSES = 12
 _NEIGHBOURS = (-2, -1, 1, 2)
 _LEAST_ROWS = 8
@@ -73,8 +78,12 @@ class MotionQuality:
     """Joints whose angle jumped by whole turns."""
     unmeasured: tuple[str, ...] = ()
     """Quantities that do not change while the arm moves: "the torque of every joint"."""
-    rebuilt: Rebuilt | None = None
-    """How the times of rows that share a stamp were put right."""
+    unusable: tuple[str, ...] = ()
+    """Quantities that contradict the angles or their unit, each with the reason."""
+    rebuilt: Rebuilt | LateStamps | None = None
+    """How the times of rows that share a stamp, or were stamped late, were put right."""
+    fault: ClockFault | None = None
+    """Why the times are not quite those of the poses."""
     smoothing: Smoothing | None = None
     """How finely positions and times are written, where the positions had to be smoothed."""
 
@@ -97,6 +106,7 @@ class MotionQuality:
         """
         stamp_s = self.rebuilt.error_s if self.rebuilt else self.smoothing.age_error_s if self.smoothing else 0.0
         share = self.repeated / max(self.moving, 1)
+        stamp_s += self.fault.missing_s / 2 if self.fault else 0.0
         return stamp_s + (self.row_s * (1 - share) if share > _HELD_SHARE else 0.0)
 
     def as_json(self) -> dict[str, object]:
@@ -110,18 +120,23 @@ class MotionQuality:
             "age_ms": round(1000 * self.age_s, 2),
             "unwrapped": list(self.unwrapped),
             "unmeasured": list(self.unmeasured),
+            "unusable": list(self.unusable),
             "shared_stamps": self.rebuilt.shared if self.rebuilt else 0,
+            "late_stamps_ms": round(1000 * self.rebuilt.most_s, 1) if isinstance(self.rebuilt, LateStamps) else 0.0,
+            "missing_rows_ms": round(1000 * self.fault.missing_s, 1) if self.fault else 0.0,
             "smoothed_over_ms": round(1000 * self.smoothing.longest_s) if self.smoothing else 0,
         }
 
     def sentences(self) -> list[str]:
         """What a user should know; empty for a clean log."""
-        found = [*([self.rebuilt.sentence()] if self.rebuilt else []), *self.left_out()]
+        found = [*([self.rebuilt.sentence()] if self.rebuilt else []), *([self.fault.text] if self.fault else [])]
+        found += self.left_out()
         if self.smoothing:
             found.append(self.smoothing.sentence())
         if self.unwrapped:
             found.append(f"unwrapped where they jump by whole turns: {', '.join(self.unwrapped)}")
         found += [f"{each} never changes while the arm moves, and counts as not measured" for each in self.unmeasured]
+        found += [f"{each}: left out" for each in self.unusable]
         return found
 
     def left_out(self) -> list[str]:
@@ -167,7 +182,9 @@ class Doubts:
         *,
         unwrapped: tuple[str, ...] = (),
         unmeasured: tuple[str, ...] = (),
-        rebuilt: Rebuilt | None = None,
+        unusable: tuple[str, ...] = (),
+        rebuilt: Rebuilt | LateStamps | None = None,
+        fault: ClockFault | None = None,
         smoothing: Smoothing | None = None,
     ) -> MotionQuality:
         """Counts of the rows."""
@@ -182,7 +199,9 @@ class Doubts:
             self.row_s,
             unwrapped,
             unmeasured,
+            unusable,
             rebuilt,
+            fault,
             smoothing,
         )
 
@@ -195,12 +214,14 @@ def doubtful_rows(time: Floats, q: Floats, speed: Floats, q_step: Floats | None 
     x = q / speed
     step = np.zeros(q.shape[1]) if q_step is None else q_step / speed
     rows = len(time)
-    repeated, old, early = _repeated(time, x, step), np.zeros(rows, bool), np.zeros(rows, bool)
-    kept = np.flatnonzero(~repeated)
+    repeated, early = _repeated(time, x, step), np.zeros(rows, bool)
+    old, since_s = _sent_again(time, x, step)
+    old &= ~repeated
+    kept = np.flatnonzero(~repeated & ~old)
     moves = _speeds(time, x) > _MOVING
     row_s = _usual_step(time[kept], moves[kept])
     written = float(np.linalg.norm(step))
-    ages: list[Floats] = []
+    ages: list[Floats] = [since_s[old]] if old.any() else []
     if len(kept) >= _LEAST_ROWS:
         for newer, flags in ((False, old), (True, early)):
             for _ in range(_PASSES):
@@ -253,6 +274,34 @@ def _repeated(time: Floats, x: Floats, step: Floats) -> Flags:
     for start, end in zip(first[held] + 1, first[held + 1], strict=True):
         repeated[start:end] = True
     return repeated
+
+
+def _sent_again(time: Floats, x: Floats, step: Floats) -> tuple[Flags, Floats]:
+    """[T] rows with the pose of an earlier row, not that before, although the arm moved on, and the ages [T] s."""
+    again, age = np.zeros(len(time), bool), np.zeros(len(time))
+    if len(time) < _LEAST_ROWS:
+        return again, age
+    _, first, inverse = np.unique(x, axis=0, return_index=True, return_inverse=True)
+    inverse = inverse.reshape(-1)
+    if len(first) == len(x):
+        return again, age
+    order = np.lexsort((np.arange(len(x)), inverse))
+    same = inverse[order[1:]] == inverse[order[:-1]]
+    rows, before = order[1:][same], order[:-1][same]
+    gap = rows - before
+    near = (gap > 1) & (gap <= _AGAIN_ROWS)
+    rows, before = rows[near], before[near]
+    # an arm that goes back over its own path comes from the other side, and one that rests does not arrive and leave
+    start, end = np.maximum(before - _AROUND, 0), np.minimum(rows + _AROUND, len(x) - 1)
+    arrives, leaves = x[before] - x[start], x[end] - x[rows]
+    fast = [
+        np.linalg.norm(way, axis=1) > np.maximum(_MOVING * span, _RESOLUTIONS * float(np.linalg.norm(step)))
+        for way, span in ((arrives, time[before] - time[start]), (leaves, time[end] - time[rows]))
+    ]
+    found = rows[fast[0] & fast[1] & ((arrives * leaves).sum(axis=1) > 0)]
+    again[found] = True
+    age[rows] = time[rows] - time[before]
+    return again, age
 
 
 def _not_at_their_time(time: Floats, x: Floats, row_s: float, written: float, *, newer: bool) -> tuple[Flags, Floats]:

@@ -22,6 +22,8 @@ _TRIANGLE_SLACK = 0.01
 """Relative: published tensors are rounded."""
 _COM_REACH_SHARE, _COM_LEAST_M = 0.25, 0.25
 """A centre of mass farther from its link than this share of the reach (or this length) is doubtful."""
+_LEAST_GYRATION = 0.001
+"""Radius of gyration over the reach below which a tensor is a placeholder. Wrists have 0.02 and more."""
 _HEAVIEST_KG = 5000.0
 _LARGE_MARGIN = 30.0
 """Effort over holding effort of the most loaded joint; catalogue arms have 1.5 to 10."""
@@ -71,6 +73,9 @@ def _bodies(arm: Arm, reach: float) -> Iterator[Finding]:
         if radius > 0.5 * reach:
             text = f"radius of gyration {radius:.3g} m in an arm of {reach:.3g} m"
             yield Finding("doubtful", key, text, "a placeholder, or g cm^2 or mm instead of kg m^2?")
+        if radius < _LEAST_GYRATION * reach:
+            text = f"radius of gyration {radius:.3g} m in an arm of {reach:.3g} m"
+            yield Finding("doubtful", key, text, "a placeholder? A body of that mass would be a point")
         following = (
             np.array(joints[k + 1].xyz) if k + 1 < len(joints) else arm.model.frames[arm.flange].placement.translation
         )

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -14,6 +15,20 @@ from acqd.robot.table_text import Table, joined, number_in, text_tables
 
 __all__ = ["Table", "read_table"]
 
+_FORMATS = {
+    b"\x1f\x8b": "is compressed; unpack it first: gunzip FILE",
+    b"BZh": "is compressed; unpack it first: bunzip2 FILE",
+    b"PK\x03\x04": "is a zip file, as .xlsx and .npz are; write its table as CSV",
+    b"\xd0\xcf\x11\xe0": "is an Excel file; save the sheet as CSV",
+    b"\x89HDF": "is an HDF5 file, as .h5 and new .mat are; write its table as CSV or Parquet",
+    b"MATLAB": "is a MATLAB file; write its table as CSV: writetable",
+    b"\x93NUMPY": "is an array of NumPy; write it as CSV with a header: numpy.savetxt",
+    b"PAR1": "is a Parquet file; name it .parquet",
+    b"SQLite format 3": "is an SQLite database; write its table as CSV (a ROS 2 bag is the folder with metadata.yaml)",
+    b"version https://git-lfs": "is only a pointer of Git LFS; fetch the file itself: git lfs pull",
+    b"<": "is a page or XML, not a table; download the file itself",
+}
+"""What begins like this, and what to do."""
 _POSES = ("q", "position", "positions", "actual_q", "joint_positions")
 """Names of columns that hold all angles of a row as a list."""
 
@@ -28,7 +43,7 @@ def read_table(path: Path, broken_share: float = 0.0) -> Table:
         return _read_parquet(path)
     try:
         with path.open("rb") as file:
-            tables = list(text_tables(path, file))
+            tables = list(text_tables(path, _text(path, file)))
     except OSError as error:
         raise InputError(path, f"cannot be read ({error.strerror})") from None
     table = joined(tables)
@@ -36,6 +51,21 @@ def read_table(path: Path, broken_share: float = 0.0) -> Table:
         row = min(table.broken)
         raise InputError(path, f"row {table.line(row)} {table.broken[row]}")
     return table
+
+
+def _text(path: Path, file: BinaryIO) -> BinaryIO:
+    """The file, or its text in UTF-8. Raises InputError for known formats that are no text."""
+    head = file.read(64)
+    file.seek(0)
+    if head.startswith((b"\xff\xfe", b"\xfe\xff")):
+        try:
+            return io.BytesIO(file.read().decode("utf-16").encode())
+        except UnicodeDecodeError:
+            raise InputError(path, "cannot be read (no UTF-8 text, nor UTF-16)") from None
+    for magic, what in _FORMATS.items():
+        if head.startswith(magic):
+            raise InputError(path, what)
+    return file
 
 
 def _read_parquet(path: Path) -> Table:

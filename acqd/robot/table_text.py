@@ -22,6 +22,8 @@ _LONGEST_LINE = 1 << 16
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 
 _DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:")
+_TITLES = 20
+"""Lines before the header that may be titles."""
 _LIST = re.compile(r"[\[(]\s*[-+.\d]")
 """The beginning of a list of numbers in a cell."""
 
@@ -65,7 +67,7 @@ def text_tables(path: Path, file: BinaryIO) -> Iterator[Table]:
     try:
         for numbered in _blocks(path, file):
             if layout is None:
-                numbered = _without_comments(numbered)
+                numbered = _without_titles(_without_comments(numbered))
                 layout = _Layout.of(numbered[0][1])
                 if not layout.width:
                     raise InputError(path, "has no columns in its first line")
@@ -96,6 +98,19 @@ def _without_comments(numbered: list[tuple[int, str]]) -> list[tuple[int, str]]:
     data, last = _Layout.of(numbered[first][1]), _Layout.of(numbered[first - 1][1])
     heads = data.header is None and last.header is not None and last.width == data.width
     return numbered[first - heads :]
+
+
+def _without_titles(numbered: list[tuple[int, str]]) -> list[tuple[int, str]]:
+    """Lines without titles before the header, and without the line by which Excel knows the separator."""
+    if numbered[0][1].lower().startswith("sep="):
+        numbered = numbered[1:] or numbered
+    for skipped in range(min(_TITLES, len(numbered) - 2)):
+        layouts = [_Layout.of(line) for _, line in numbered[skipped : skipped + 3]]
+        if layouts[1].width < 3 or layouts[0].width >= layouts[1].width:
+            continue
+        if layouts[0].header is not None and layouts[1].header is not None and layouts[2].header is None:
+            return numbered[skipped + 1 :] if layouts[1].width == layouts[2].width else numbered
+    return numbered
 
 
 def _blocks(path: Path, file: BinaryIO) -> Iterator[list[tuple[int, str]]]:
@@ -152,6 +167,8 @@ class _Layout:
         """Values [rows, width] cell by cell, and what is wrong with rows of another width."""
         broken = {}
         for number, cells in enumerate(rows):
+            if len(cells) == self.width + 1 and not cells[-1]:  # a separator at the end of each row
+                rows[number] = cells = cells[:-1]
             if len(cells) != self.width:
                 broken[number] = f"has {len(cells)} columns, the first line {self.width}; {self._why_width(len(cells))}"
                 rows[number] = ["nan"] * self.width

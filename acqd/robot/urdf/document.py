@@ -18,6 +18,14 @@ from xml.etree.ElementTree import Element
 from acqd.errors import InputError
 from acqd.robot.urdf.tree import ZERO, Inertial, Kind, Origin, Shape, Triple, Urdf, UrdfJoint, UrdfLink, below
 
+_MOST_RAD = 2 * math.pi + 0.01
+"""Largest angle of a frame: no tool writes more than a turn."""
+_OTHERS = {
+    "sdf": "; export the model as URDF, or convert it: sdf2urdf",
+    "mujoco": "; export the model as URDF",
+    "COLLADA": "; this is a mesh",
+}
+"""What to do with files of other simulators."""
 _UNIT = 0.01  # by which the length of a rounded quaternion may differ from 1
 _SMALLEST, _LARGEST = 1e-12, 1e12  # in m, kg, Nm, rad/s; beyond, products of values overflow
 
@@ -25,7 +33,8 @@ _SMALLEST, _LARGEST = 1e-12, 1e12  # in m, kg, Nm, rad/s; beyond, products of va
 def read_urdf(path: Path) -> Urdf:
     """Read a URDF. Raises InputError that names the element."""
     try:
-        content = path.read_bytes()
+        content = path.read_bytes().strip(b"\x00 \r\n\t") if not _is_utf16(path) else path.read_bytes()
+        _require_xml(path, content)
         if b"<!DOCTYPE" in content:  # entities could multiply to gigabytes; no URDF has any
             raise InputError(path, "has a document type; a URDF needs none: delete it")
         robot = ElementTree.fromstring(_decoded(path, content))  # noqa: S314 (no document type, no entities)
@@ -33,8 +42,11 @@ def read_urdf(path: Path) -> Urdf:
         raise InputError(path, f"cannot be read ({error.strerror})") from None
     except ElementTree.ParseError as error:
         raise InputError(path, f"is not valid XML ({error}); expected a URDF") from None
+    for element in robot.iter():
+        element.tag = re.sub(r"^\{(?![^}]*xacro)[^}]*\}", "", element.tag) if isinstance(element.tag, str) else "!"
     if robot.tag != "robot":
-        raise InputError(path, f"starts with <{robot.tag}>; expected the <robot> of a URDF")
+        remedy = _OTHERS.get(robot.tag, "")
+        raise InputError(path, f"starts with <{robot.tag}>; expected the <robot> of a URDF{remedy}")
     if any("xacro" in element.tag for element in robot.iter()):
         raise InputError(path, "is a xacro file; expand it first: xacro FILE > robot.urdf")
     read = _Reader(path)
@@ -50,11 +62,31 @@ def read_urdf(path: Path) -> Urdf:
     return urdf
 
 
+def _is_utf16(path: Path) -> bool:
+    with path.open("rb") as file:
+        return file.read(2) in (b"\xff\xfe", b"\xfe\xff")
+
+
+def _require_xml(path: Path, content: bytes) -> None:
+    """Raises InputError for files that are often found in the place of a URDF."""
+    head = content[:200].lower()
+    if not content:
+        raise InputError(path, "is empty; expected a URDF")
+    if head.startswith(b"version https://git-lfs"):
+        raise InputError(path, "is only a pointer of Git LFS; fetch the file itself: git lfs pull")
+    if b"<html" in head or b"<!doctype html" in head:
+        raise InputError(path, "is a web page, not a URDF; download the file itself (on GitHub: Raw)")
+    if head.startswith((b"pk\x03\x04", b"\x1f\x8b")):
+        raise InputError(path, "is compressed; unpack it first")
+
+
 def _decoded(path: Path, content: bytes) -> str | bytes:
     """The text of an XML file whose declaration names an encoding that the parser does not know. Raises InputError."""
     declared = re.match(rb"<\?xml[^>]*?encoding=[\"']([A-Za-z0-9._-]+)[\"'][^>]*?\?>", content.lstrip())
     if declared is None or declared[1].lower() in (b"utf-8", b"us-ascii", b"utf-16", b"iso-8859-1"):
-        return content
+        if _parses_as_declared(declared, content):
+            return content
+        return re.sub(r"^<\?xml.*?\?>", "", content.decode("cp1252", "replace"))
     name = declared[1].decode("ascii")
     try:
         text = content.lstrip().decode(name)
@@ -63,6 +95,18 @@ def _decoded(path: Path, content: bytes) -> str | bytes:
     except UnicodeDecodeError:
         raise InputError(path, f"is not written in {name!r}, as its first line says; save the file as UTF-8") from None
     return text[text.index("?>") + 2 :]
+
+
+def _parses_as_declared(declared: re.Match[bytes] | None, content: bytes) -> bool:
+    """Whether bytes that should be UTF-8 are; comments are often in the code page of an old editor."""
+    name = declared[1].lower() if declared is not None else b"utf-8"
+    if name not in (b"utf-8", b"us-ascii") or content[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return True
+    try:
+        content.decode("utf-8")
+    except UnicodeDecodeError:
+        return False
+    return True
 
 
 def _connect(urdf: Urdf) -> None:
@@ -112,7 +156,7 @@ class _Reader:
         if kind not in ("fixed", "floating") and not any(direction):
             raise InputError(self.path, f"joint {name!r}: axis 0 0 0 has no direction")
         lower, upper, velocity, effort = (
-            self._number(limit, key, name) for key in ("lower", "upper", "velocity", "effort")
+            self._limit(limit, key, name) for key in ("lower", "upper", "velocity", "effort")
         )
         return UrdfJoint(
             name,
@@ -173,6 +217,10 @@ class _Reader:
         if origin is None:
             return Origin()
         rpy = self._triple(origin, "rpy", name, ZERO)
+        if max(map(abs, rpy)) > _MOST_RAD:
+            raise InputError(
+                self.path, f"{name!r}: rpy={origin.get('rpy')!r} turns by more than a whole turn: in degrees? Write rad"
+            )
         if origin.get("quat_xyzw") is not None:  # URDF 1.1
             if origin.get("rpy") is not None:
                 raise InputError(self.path, f"{name!r}: <origin> has both rpy and quat_xyzw; expected one of them")
@@ -202,6 +250,15 @@ class _Reader:
             raise InputError(self.path, f"{name!r}: {key}={text!r}; expected three numbers")
         return values[0], values[1], values[2]
 
+    def _limit(self, element: Element | None, key: str, name: str) -> float | None:
+        """A limit; None, as if missing, where a tool wrote the largest number that it has."""
+        text = "" if element is None else element.get(key, "")
+        try:
+            unlimited = abs(float(text)) >= _LARGEST
+        except ValueError:
+            unlimited = False
+        return None if unlimited else self._number(element, key, name)
+
     def _number(self, element: Element | None, key: str, name: str) -> float | None:
         text = None if element is None else element.get(key)
         return None if text is None else self._value(text, key, name)
@@ -211,6 +268,10 @@ class _Reader:
             value = float(text)
         except ValueError:
             value = math.nan
+        if "${" in text:
+            raise InputError(
+                self.path, f"{name!r}: {key}={text!r} is of a xacro file; expand it: xacro FILE > robot.urdf"
+            )
         if not abs(value) < _LARGEST:
             raise InputError(self.path, f"{name!r}: {key}={text!r} is no number, or larger than a robot can have")
         return 0.0 if abs(value) < _SMALLEST else value

@@ -1,0 +1,113 @@
+"""What values of power say about the meter: "not measured" written as a number, values that are repeated, wrong units.
+
+A meter that has no value writes 0, -1, 9999 or the largest integer; such a number stands alone, far below or above all
+others, and always is the same. A meter that is asked more often than it has new values repeats the last one.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acqd.arrays import Floats
+from acqd.numerics import runs_of_true
+from acqd.robot.description import RobotDescription
+
+_LEAST_ROWS = 3
+_MOST_SHARE = 0.4
+"""Share of the rows that may hold the number of no value."""
+_LONGEST = 25
+"""Rows of one value in turn, beyond which the robot may have been off."""
+_FAR = 5.0
+"""Distance to the nearest other value, over the usual change from row to row, of a number that is no value."""
+_OFTEN = 10.0
+"""Times that the number of no value comes as often as any other."""
+_AT_END, _SAMPLE_LEAST = 0.005, 1000
+"""Share of the rows at the largest value that the end of a range makes, and rows that show it."""
+_STEPS = 3.0
+"""Steps of the written power, beyond which a change is no rounding."""
+_FEWEST_CHANGES = 30
+_HELD = 0.7
+"""Share of the changes that are followed by the same value at least once."""
+_SAMPLE_ROWS = 200_000
+_MOST_OF_RATED = 5.0
+"""Median power over that of all joints at their rated efforts and speeds."""
+_ELECTRONICS_W = 500.0
+
+
+def no_values(P: Floats) -> tuple[NDArray[np.bool_], float] | None:
+    """Rows [T] that hold a number where nothing was measured, and that number; None without such rows."""
+    known = np.flatnonzero(np.isfinite(P))
+    if len(known) < 10 * _LEAST_ROWS:
+        return None
+    values = P[known]
+    distinct, counts = np.unique(values, return_counts=True)
+    if len(distinct) < 3:
+        return None
+    usual = float(np.median(np.abs(np.diff(values)))) + 1e-9
+    most = int(counts.argmax())
+    often = counts[most] > _OFTEN * float(np.partition(counts, -2)[-2])  # of numbers with digits none comes so often
+    for place, gap in (
+        (0, distinct[1] - distinct[0]),
+        (len(distinct) - 1, distinct[-1] - distinct[-2]),
+        *([(most, np.inf)] if often else []),
+    ):
+        same = values == distinct[place]
+        if not _LEAST_ROWS <= same.sum() <= _MOST_SHARE * len(values) or gap <= _FAR * usual:
+            continue
+        runs = runs_of_true(same)
+        jumps = [abs(values[start] - values[start - 1]) for start, _ in runs if start]
+        alone = max(end - start for start, end in runs) <= _LONGEST
+        if alone and len(jumps) >= _LEAST_ROWS and float(np.median(jumps)) > _FAR * usual:
+            rows = np.zeros(len(P), bool)
+            rows[known[same]] = True
+            return rows, float(distinct[place])
+    return None
+
+
+def range_note(P: Floats) -> str:
+    """A line on power that stops at a largest value, as at the end of a meter's range; empty otherwise."""
+    values = P[np.isfinite(P)][:_SAMPLE_ROWS]
+    if len(values) < _SAMPLE_LEAST:
+        return ""
+    distinct, counts = np.unique(values, return_counts=True)
+    share = counts[-1] / len(values)
+    if share < _AT_END or counts[-1] <= _OFTEN * float(counts[:-1].max(initial=1)):
+        return ""
+    return (
+        f"P never is above {distinct[-1]:g} W, and is that in {share:.0%} of the rows: it may end there because the "
+        "meter's range ends; choose a wider range"
+    )
+
+
+def no_value_note(count: int, rows: int, value: float) -> str:
+    """What a user should know of rows without a value."""
+    return f"{count} of {rows} rows hold {value:g} W, far from all others: they count as not measured"
+
+
+def refreshed_every(P: Floats) -> int:
+    """Rows after which a meter has a new value; 1 if each row has its own."""
+    known = P[np.isfinite(P)][:_SAMPLE_ROWS]
+    changed = np.flatnonzero(np.diff(known) != 0)
+    if len(changed) < _FEWEST_CHANGES:
+        return 1
+    sizes = np.abs(np.diff(known)[changed])
+    step = float(sizes.min())
+    clear = sizes > _STEPS * step
+    after = np.diff(changed)[clear[:-1] & clear[1:]]  # rows from a clear change to the next
+    if len(after) < _FEWEST_CHANGES or (after > 1).mean() < _HELD:
+        return 1
+    return max(round(float(np.mean(after))), 2)
+
+
+def large_power(P: Floats, robot: RobotDescription) -> str:
+    """A line on power that no such robot can take; empty if it can."""
+    known = P[np.isfinite(P)]
+    rated_W = float((np.array([joint.effort for joint in robot.joint]) * robot.speed).sum()) + _ELECTRONICS_W
+    usual_W = float(np.median(known)) if len(known) else 0.0
+    if usual_W <= _MOST_OF_RATED * rated_W:
+        return ""
+    return (
+        f"the power is {usual_W:.3g} W in the median, and all joints of {robot.name} together are rated at "
+        f"{rated_W:.3g} W: is it in mW? expected W"
+    )

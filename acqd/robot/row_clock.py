@@ -1,0 +1,286 @@
+"""Whether the time stamps of a log are those of its poses, and times put right where a recorder stamped rows late.
+
+An arm on its way tells the time: from row to row it covers a way that changes little. A recorder that stamps rows when
+they arrive (a message late, ten messages in a packet) writes uneven stamps for even ways; the controller's rate is what
+was even. A recorder whose stamps count rows shows an even clock and, where a row is missing, a way twice as long. A
+clock that was set goes on by a second while the arm moved on by a row. Two recorders in one file let the arm go to and
+fro.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acqd.arrays import Floats
+from acqd.numerics import mad_sigma, runs_of_true
+
+_AROUND = 4
+"""Rows on either side that tell the usual way and step."""
+_PACKET = 25
+"""Rows on either side over which late rows of a packet make up for each other."""
+_TRUSTED = 0.98
+"""Share of the steps by which the scatter is known."""
+_FAST = 0.02
+"""Share of the speed limits from which on a way tells the time."""
+_STEPS_OF_ENCODER = 12.0
+"""Steps of the written positions that a way needs."""
+_FEWEST = 60
+"""Rows in motion that are judged."""
+_UNEVEN = 0.08
+"""Scatter of the stamps over the usual step from which on stamps may be those of a recorder."""
+_BETTER = 0.5
+"""Scatter of the ways over that of the stamps against the ways, below which the rate is even and the stamps are not."""
+_WINDOW_S = 1.0
+"""Span of the line through the stamps. A rate drifts by less than a row in it."""
+_PAUSE_S = 0.6
+"""Step between rows that is a pause of the recorder, not a late packet."""
+_REST_S = 0.3
+"""Time without motion that ends a line."""
+_EARLIEST = 0.02
+"""Share of the rows that may lie before the line of the stamps that came at once."""
+_TWICE = (0.6, 0.25)
+"""Ways beyond the usual one of a step across a missing row, and of its neighbours."""
+_MISSING, _MISSING_SHARE, _MANY_MISSING = 5, 0.004, 0.015
+"""Such steps, and their share of the rows in motion, from which on stamps count rows, and no alignment is right."""
+_CALM = 0.1
+"""Scatter of the ways up to which a way of two rows is known."""
+_SET_ROWS, _SET_S = 5.0, 0.04
+"""Usual steps, and s, by which the stamps go on while the arm covers the way of one row."""
+_TO_AND_FRO, _TO_AND_FRO_SHARE = 2.0, 0.2
+"""Way over distance, and the share of the rows in motion, from which on the arm goes to and fro."""
+
+
+@dataclass(frozen=True, slots=True)
+class LateStamps:
+    """Times of rows that a recorder stamped when they came."""
+
+    time: Floats
+    """[T] s, rising."""
+    late_s: float
+    """Mean delay of the stamps behind those that came at once."""
+    most_s: float
+    """Delay of the latest twentieth."""
+    row_s: float
+    """Usual time between rows."""
+
+    shared: int = 0
+    """Rows that had the stamp of the row before."""
+
+    @property
+    def error_s(self) -> float:
+        """By how much all times may be wrong together: how late the stamps that came at once are is not known."""
+        return self.late_s / 2
+
+    def sentence(self) -> str:
+        """What a user should know."""
+        return (
+            f"stamps are up to {1000 * self.most_s:.0f} ms late, although the arm moves on evenly every "
+            f"{1000 * self.row_s:.3g} ms: they are of the recorder, not of the controller. The rows were put at even "
+            "distances; record the controller's own time"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class _Ways:
+    """What the steps between rows [T - 1] say; unjudged ones are NaN."""
+
+    step: Floats
+    """Step of the stamps over the usual one around it."""
+    way: Floats
+    """Way of the arm over the usual one around it."""
+    step_s: Floats
+    """Usual step around it, s."""
+
+    @property
+    def judged(self) -> NDArray[np.bool_]:
+        return np.isfinite(self.way)
+
+
+def late_stamps(time: Floats, q: Floats, speed: Floats, q_step: Floats) -> LateStamps | None:
+    """Times of the rows of angles [T, axes] if the stamps [T] s, rising, are a recorder's; None where they are not.
+
+    `speed` [axes]: the speed limits; `q_step` [axes]: how finely positions are written.
+    """
+    new = np.concatenate([[True], (q[1:] != q[:-1]).any(axis=1)])  # a pose that is written again tells no time
+    stamps = time[new]
+    ways = _ways(stamps, q[new] / speed, q_step / speed)
+    if ways is None:
+        return None
+    steps = np.diff(stamps)
+    step = (steps / np.maximum(_running_mean(np.minimum(steps, _PAUSE_S), _PACKET), 1e-9))[ways.judged] - 1
+    way = ways.way[ways.judged] - 1
+    uneven = _scatter(step)
+    if uneven < _UNEVEN or _scatter(way) > _BETTER * _scatter(step - way):
+        return None
+    rows = np.where(ways.judged, np.maximum(np.rint(ways.way), 1.0), 1.0)  # rows that were lost count
+    pauses = steps >= _PAUSE_S
+    for start, end in runs_of_true(~ways.judged):  # an arm that rests tells no time
+        pauses[start:end] |= stamps[end] - stamps[start] > _REST_S
+    even = even_times(stamps, rows=rows, pauses=pauses)
+    times = time - np.interp(time, stamps, stamps - even.time)
+    return replace(even, time=np.maximum.accumulate(times + 1e-9 * np.arange(len(times))))
+
+
+@dataclass(frozen=True, slots=True)
+class ClockFault:
+    """Why stamps cannot be those of the poses."""
+
+    text: str
+    row: int | None = None
+    """Where; None: in the whole log."""
+    missing_s: float = 0.0
+    """Time of the rows in motion that are missing without a trace in the stamps."""
+    refused: bool = True
+    """No lag can be right."""
+
+
+def clock_fault(time: Floats, q: Floats, speed: Floats, q_step: Floats) -> ClockFault | None:
+    """Why stamps [T] s, rising, cannot be those of the poses [T, axes], all different; None where they can."""
+    ways = _ways(time, q / speed, q_step / speed)
+    if ways is None:
+        return None
+    fro = _to_and_fro(q / speed, ways.judged)
+    if fro > _TO_AND_FRO_SHARE:
+        return ClockFault(
+            f"the arm goes to and fro from row to row in {fro:.0%} of the rows in motion: are rows of two "
+            "recorders, or of two robots, in one file? Write one file for each"
+        )
+    judged = ways.judged
+    beyond = np.where(judged, ways.way - ways.step, 0.0)
+    row = _set_clock(beyond, ways)
+    if row is not None:
+        return ClockFault(
+            f"the time goes on by {time[row + 1] - time[row]:.3g} s while the arm moves as in one row: the clock was "
+            "set there; cut the log at this row",
+            row + 1,
+        )
+    missing = _missing(beyond, judged)
+    share = missing / judged.sum()
+    if missing < _MISSING or share < _MISSING_SHARE or mad_sigma(beyond[judged], 0.0) > _CALM:
+        return None
+    return ClockFault(
+        f"{missing} rows in motion are missing ({share:.1%}), and the times do not show it: they count rows. Record "
+        "the controller's own time",
+        missing_s=missing * float(np.median(ways.step_s)),
+        refused=share >= _MANY_MISSING,
+    )
+
+
+def _ways(time: Floats, x: Floats, x_step: Floats) -> _Ways | None:
+    """Steps and ways over their usual sizes around; None with too few rows in motion."""
+    if len(time) < 2 * _AROUND + _FEWEST:
+        return None
+    step_s, way = np.diff(time), np.linalg.norm(np.diff(x, axis=0), axis=1)
+    usual_s, usual = _running_median(step_s), _running_median(way)
+    chord = np.linalg.norm(x[2 * _AROUND + 1 :] - x[: -2 * _AROUND - 1], axis=1) / (2 * _AROUND + 1)
+    ahead = np.full(len(way), 0.0)
+    ahead[_AROUND:-_AROUND] = chord
+    typical_s = float(np.median(step_s))
+    written = float(np.linalg.norm(x_step))
+    fast = (usual > _FAST * np.maximum(usual_s, typical_s)) & (usual > _STEPS_OF_ENCODER * written) & (ahead > 0)
+    # where the arm starts, stops or turns there is no usual way
+    even = np.abs(usual - _shifted(usual)) < 0.3 * usual
+    judged = fast & even
+    if judged.sum() < _FEWEST:
+        return None
+    nan = np.full(len(way), np.nan)
+    nan[judged] = 1.0
+    return _Ways(step_s / usual_s * nan, way / np.maximum(usual, 1e-12) * nan, usual_s)
+
+
+def _shifted(usual: Floats) -> Floats:
+    """The usual way of rows `_AROUND` ahead or behind, whichever differs more."""
+    padded = np.pad(usual, _AROUND, mode="edge")
+    ahead, behind = padded[2 * _AROUND :], padded[: -2 * _AROUND]
+    return np.where(np.abs(ahead - usual) > np.abs(behind - usual), ahead, behind)
+
+
+def even_times(
+    time: Floats,
+    *,
+    window_s: float = _WINDOW_S,
+    rows: Floats | None = None,
+    pauses: NDArray[np.bool_] | None = None,
+) -> LateStamps:
+    """A line through the stamps of `window_s` around each row [T] s, as early as those that came at once.
+
+    `rows` [T - 1]: rows by which each row is after the one before, 1 but where some were lost; `pauses` [T - 1]: steps
+    across which nothing is even.
+    """
+    steps = np.diff(time)
+    rows = np.ones(len(steps)) if rows is None else rows
+    pauses = steps >= _PAUSE_S if pauses is None else pauses
+    index = np.concatenate([[0.0], np.cumsum(rows)])
+    row_s = float(steps[~pauses].sum() / max(rows[~pauses].sum(), 1.0))
+    reach = max(round(window_s / 2 / row_s), 8)
+    ends = np.flatnonzero(pauses) + 1
+    out = np.concatenate(
+        [_line(time[start:end], index[start:end], reach, row_s)
+         for start, end in zip([0, *ends.tolist()], [*ends.tolist(), len(time)], strict=True)]
+    )  # fmt: skip
+    late = time - out
+    earliest = float(np.quantile(late, _EARLIEST))
+    out = np.maximum.accumulate(out + min(earliest, 0.0) + 1e-9 * np.arange(len(out)))
+    return LateStamps(out, max(-earliest, 0.0), float(np.quantile(late, 0.95)) - earliest, row_s)
+
+
+def _line(time: Floats, index: Floats, reach: int, row_s: float) -> Floats:
+    """[T] value at each row of the straight line of stamps over row numbers [T] of the rows within `reach` numbers."""
+    index = index - index[0]
+    off = time - time[0] - row_s * index
+    first, last = np.searchsorted(index, index - reach), np.searchsorted(index, index + reach, side="right")
+    sums = [np.concatenate([[0.0], np.cumsum(each)]) for each in (index * 0 + 1, index, index**2, off, off * index)]
+    n, s1, s2, t0, t1 = (each[last] - each[first] for each in sums)
+    spread = n * s2 - s1**2
+    slope = np.where(spread > 0.5, (n * t1 - s1 * t0) / np.maximum(spread, 0.5), 0.0)
+    return np.asarray(time[0] + row_s * index + (t0 - slope * s1) / n + slope * index)
+
+
+def _missing(beyond: Floats, judged: NDArray[np.bool_]) -> int:
+    """Steps across which the arm covers the way of two rows, and beside which it covers that of one."""
+    alone = np.pad(np.abs(np.where(judged, beyond, 0.0)) < _TWICE[1], 1, constant_values=True)
+    twice = judged & (np.abs(beyond - 1) < 1 - _TWICE[0]) & alone[:-2] & alone[2:]
+    return int(twice.sum())
+
+
+def _set_clock(beyond: Floats, ways: _Ways) -> int | None:
+    """The first step across which the stamps go on by rows, and the arm by one, and the next stamps do not make up."""
+    far = ways.judged & (-beyond > np.maximum(_SET_ROWS, _SET_S / ways.step_s)) & (ways.way < 2.0)
+    for row in np.flatnonzero(far).tolist():
+        around = float(beyond[max(row - 12, 0) : row + 13].sum() - beyond[row])
+        if abs(around) < 0.2 * abs(beyond[row]):
+            return row
+    return None
+
+
+def _to_and_fro(x: Floats, judged: NDArray[np.bool_]) -> float:
+    """Share of the rows in motion around which the way is much longer than the distance."""
+    steps = np.linalg.norm(np.diff(x, axis=0), axis=1)
+    length = 2 * _AROUND
+    way = np.convolve(steps, np.ones(length), "valid")
+    distance = np.linalg.norm(x[length:] - x[:-length], axis=1)
+    where = judged[_AROUND : _AROUND + len(way)]
+    if not where.any():
+        return 0.0
+    return float((way[where] > _TO_AND_FRO * distance[where]).mean())
+
+
+def _scatter(values: Floats) -> float:
+    """Root mean square without the farthest few: a clock that was set once makes no uneven stamps."""
+    squares = np.sort(values**2)
+    return float(np.sqrt(squares[: int(_TRUSTED * len(squares))].mean()))
+
+
+def _running_median(values: Floats) -> Floats:
+    """[T] median of nine values around each."""
+    padded = np.pad(values, _AROUND, mode="edge")
+    return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(padded, 2 * _AROUND + 1), axis=1))
+
+
+def _running_mean(values: Floats, around: int) -> Floats:
+    """[T] mean of the values up to `around` rows away."""
+    padded = np.pad(values, around, mode="edge")
+    return np.convolve(padded, np.full(2 * around + 1, 1 / (2 * around + 1)), "valid")

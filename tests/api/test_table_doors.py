@@ -1,0 +1,51 @@
+"""Frames that users hand over by mistake: refused with the remedy, or without the columns that say nothing."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import acqd
+
+SECONDS = np.arange(300) * 0.04
+
+
+def one(number):
+    frame = pd.DataFrame({"recording": f"rec{number}", "P": 40 + 5 * np.sin(SECONDS + number)})
+    frame["time"] = pd.date_range("2026-01-27 08:00", periods=300, freq="40ms", tz="UTC") + pd.Timedelta(number, "h")
+    for axis in range(6):
+        frame[f"q{axis + 1}"] = 0.3 * np.sin(SECONDS * (1 + 0.1 * axis) + number)
+    return frame
+
+
+GOOD = pd.concat([one(number) for number in range(2)], ignore_index=True)
+
+
+@pytest.mark.parametrize(
+    ("frame", "line"),
+    [
+        (None, "expected a pandas.DataFrame, not NoneType"),
+        ({"P": [1.0]}, "expected a pandas.DataFrame, not dict"),
+        (GOOD["P"], "expected a pandas.DataFrame, not Series"),
+        (GOOD.assign(time=GOOD.time.astype("int64")), "pandas.to_datetime"),
+        (GOOD.iloc[::-1], "is not later than the row before; sort by time"),
+        (GOOD.assign(P=40.0), "P is 40 W in all rows"),
+        (GOOD.assign(P=1000 * GOOD.P), "is it in mW"),
+    ],
+)
+def test_a_frame_of_another_kind_is_refused_with_the_remedy(tmp_path, frame, line):
+    with pytest.raises(acqd.UserError, match=line):
+        acqd.Dataset.from_pandas(frame, tmp_path / "ds", robot="ur10e", measured="simulated")
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_columns_and_rows_that_say_nothing_are_left_out_with_a_warning(tmp_path):
+    nothing = np.random.default_rng(0).random(len(GOOD)) < 0.1
+    others = {f"tau{k}": -1.0 for k in range(1, 7)} | {f"current{k}": 1.0 + GOOD.q1 for k in range(1, 6)}
+    frame = GOOD.assign(**others, P=GOOD.P.mask(nothing, 0.0))
+    with pytest.warns(UserWarning) as warned:
+        data = acqd.Dataset.from_pandas(frame, tmp_path / "ds", robot="ur10e", measured="simulated").to_pandas()
+    lines = " ".join(str(warning.message) for warning in warned)
+    assert not [name for name in data if name.startswith(("tau", "current"))]
+    assert not data["valid"].to_numpy()[nothing].any()
+    for part in ("hold 0 W", "the torque of every joint never changes", "the current of 1 of 6 joints is missing"):
+        assert part in lines

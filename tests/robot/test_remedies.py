@@ -1,0 +1,117 @@
+"""Files that are no table or no URDF, or nearly one: read, or refused with the remedy."""
+
+import gzip
+
+import numpy as np
+import pytest
+
+from acqd.errors import InputError
+from acqd.robot.description import RobotDescription, load_description
+from acqd.robot.log import read_log
+from acqd.robot.plausibility import implausible
+from acqd.robot.urdf.describe import describe_urdf
+
+ROBOT = load_description("ur10e")
+T = np.arange(200) * 0.02
+HEADER = "time,q1,q2,q3,q4,q5,q6\n"
+ROWS = "".join(f"{t:.3f},{np.sin(t):.6f},0.1,0.2,0.3,0.4,0.5\n" for t in T)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        HEADER + ROWS,
+        "Recording of the arm, today\n" + HEADER + ROWS,
+        "sep=,\n" + HEADER + ROWS,
+        HEADER + ROWS.replace("\n", ",\n"),
+        (HEADER + ROWS).encode("utf-16"),
+    ],
+)
+def test_titles_separators_at_line_ends_and_utf_16_are_read(tmp_path, text):
+    path = tmp_path / "log.csv"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    log = read_log(path, ROBOT)
+    np.testing.assert_allclose(log.time, T, atol=1e-9)
+    np.testing.assert_allclose(log.q[:, 0], np.sin(T), atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("content", "remedy"),
+    [
+        (gzip.compress(ROWS.encode()), "gunzip"),
+        (b"PK\x03\x04" + b"x" * 100, "write its table as CSV"),
+        (b"version https://git-lfs.github.com/spec/v1\noid", "git lfs pull"),
+        (b"<!DOCTYPE html><html>", "download the file itself"),
+        (HEADER.replace("q", "Q").encode() + ROWS.encode(), "in small letters, without units"),
+        (b"time,q0,q1,q2,q3,q4,q5\n" + ROWS.encode(), "counts its axes from 0"),
+        ((HEADER + "08:15:00.1,0,0,0,0,0,0\n" * 200).encode(), "its times are neither numbers nor dates"),
+        ((HEADER + "".join(f"{1769500000 + t:.3f}000,0,0,0,0,0,0\n".replace(".", "") for t in T)).encode(), "in us"),
+    ],
+)
+def test_what_is_no_log_is_refused_with_the_remedy(tmp_path, content, remedy):
+    path = tmp_path / "log.csv"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=remedy):
+        read_log(path, ROBOT)
+
+
+def test_axes_that_the_robot_does_not_have_are_said(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text(HEADER.replace("q6", "q6,q7") + ROWS.replace("\n", ",0.6\n"))
+    assert "has 7 axes, ur10e has 6" in read_log(path, ROBOT).note
+
+
+LINK = (
+    '<link name="{0}"><inertial><origin xyz="0 0 0.1" rpy="{2}"/><mass value="{1}"/>'
+    '<inertia ixx="{3}" iyy="{3}" izz="{3}" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+)
+JOINT = (
+    '<joint name="j{0}" type="revolute"><parent link="l{1}"/><child link="l{0}"/><origin xyz="0 0 0.3"/>'
+    '<axis xyz="0 1 0"/><limit lower="-2" upper="{2}" effort="90" velocity="2"/></joint>'
+)
+
+
+def urdf(mass="2", rpy="0 0 0", moment="0.02", upper="2", head="<robot name='two'>"):
+    links = "".join(LINK.format(f"l{k}", mass, rpy, moment) for k in (1, 2))
+    return f"{head}<link name='l0'/>{links}{JOINT.format(1, 0, upper)}{JOINT.format(2, 1, upper)}</robot>"
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        urdf().encode(),
+        b"\n\n<?xml version='1.0'?>" + urdf().encode(),
+        f"<?xml version='1.0' encoding='utf-8'?><!-- Gr\u00f6\u00dfe -->{urdf()}".encode("cp1252"),
+        urdf(head="<robot name='two' xmlns='http://www.ros.org'>").encode(),
+        urdf(upper="1e+16").encode(),
+    ],
+)
+def test_urdfs_of_other_tools_are_read(tmp_path, content):
+    path = tmp_path / "two.urdf"
+    path.write_bytes(content)
+    assert describe_urdf(path).robot.axes == 2
+
+
+@pytest.mark.parametrize(
+    ("content", "remedy"),
+    [
+        (urdf(mass="${m}"), "xacro FILE > robot.urdf"),
+        (urdf(rpy="0 90 0"), "in degrees"),
+        ("", "is empty"),
+        ("version https://git-lfs.github.com/spec/v1", "git lfs pull"),
+        ("<!DOCTYPE html><html></html>", "is a web page"),
+        ("<sdf version='1.7'/>", "sdf2urdf"),
+    ],
+)
+def test_what_is_no_urdf_is_refused_with_the_remedy(tmp_path, content, remedy):
+    path = tmp_path / "two.urdf"
+    path.write_text(content)
+    with pytest.raises(InputError, match=remedy):
+        describe_urdf(path)
+
+
+def test_tensors_that_are_placeholders_are_doubted(tmp_path):
+    path = tmp_path / "two.urdf"
+    path.write_text(urdf(moment="1e-9"))
+    robot = RobotDescription.model_validate(describe_urdf(path).table)
+    assert any("would be a point" in finding.advice for finding in implausible(robot))

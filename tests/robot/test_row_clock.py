@@ -1,0 +1,153 @@
+"""Stamps of rows that are not those of their poses: late, in packets, of a clock that was set, of two recorders."""
+
+import numpy as np
+import pytest
+
+from acqd.errors import InputError
+from acqd.robot.description import load_description
+from acqd.robot.log import log_of, read_log
+from acqd.robot.row_clock import clock_fault, even_times, late_stamps
+from acqd.robot.table import Table
+from tests.places import ROBOT_LOGS
+
+ROBOT = load_description("ur10e")
+RECORDING = ROBOT_LOGS / "ur10e" / "ur-20_02_06-20sec_5harm.csv"
+FINE = np.zeros(6)
+
+
+@pytest.fixture(scope="module")
+def real():
+    """Times and angles of a real UR10e."""
+    if not RECORDING.exists():
+        pytest.skip("no recordings of robots beside this checkout")
+    log = read_log(RECORDING, ROBOT)
+    return log.time - log.time[0], log.q
+
+
+def log_with(time, q, **others):
+    columns = {"time": time} | {f"q{k + 1}": q[:, k] for k in range(6)} | others
+    values = np.column_stack(list(columns.values()))
+    return log_of(RECORDING, Table(list(columns), values, np.arange(2, len(values) + 2)), ROBOT)
+
+
+def jitter(t):
+    rng = np.random.default_rng(1)
+    return np.maximum.accumulate(t + rng.exponential(0.015, len(t))) + 1e-6 * np.arange(len(t))
+
+
+def packets(t):
+    rows = np.arange(len(t))
+    return t[np.minimum(rows // 10 * 10 + 9, len(t) - 1)] + 1e-4 * (rows % 10)
+
+
+def pose_error(times, poses, t, q):
+    """RMS distance of poses from those that a motion has at their times."""
+    return np.sqrt(np.mean((np.column_stack([np.interp(times, t, angle) for angle in q.T]) - poses) ** 2))
+
+
+@pytest.mark.parametrize("stamped", [jitter, packets])
+def test_rows_that_were_stamped_when_they_came_are_put_at_the_controllers_rate(real, stamped):
+    t, q = real
+    log = log_with(1000.0 + stamped(t), q)
+    shifts = np.arange(-0.06, 0.061, 0.003)
+    off = [pose_error(log.time - 1000.0 - shift, log.q, t, q) for shift in shifts]
+    assert min(off) < 0.003  # rad; as stamped: 0.01
+    assert abs(shifts[np.argmin(off)]) < log.quality.age_error_s + 0.003
+    assert len(log.time) > 0.98 * len(t)
+    assert "they are of the recorder" in log.quality.sentences()[0]
+    assert log.quality.as_json()["late_stamps_ms"] > 30
+
+
+def test_uneven_times_that_are_the_controllers_own_are_kept(real):
+    t, q = real
+    assert late_stamps(t, q, ROBOT.speed, FINE) is None
+    keep = np.sort(np.random.default_rng(2).permutation(len(t))[: int(0.9 * len(t))])
+    assert late_stamps(t[keep], q[keep], ROBOT.speed, FINE) is None
+    assert clock_fault(t[keep], q[keep], ROBOT.speed, FINE) is None
+
+
+def test_poses_that_a_faster_recorder_holds_get_the_rate_of_the_controller(real):
+    t, q = real
+    held = np.column_stack([np.interp(np.floor(t * 30) / 30, t, angle) for angle in q.T])
+    log = log_with(t, held)
+    expected = np.column_stack([np.interp(log.time, t, angle) for angle in q.T])
+    moving = np.abs(np.gradient(expected, log.time, axis=0)).max(axis=1) > 0.3
+    off = (log.q - expected)[moving] / np.gradient(expected, log.time, axis=0)[moving]
+    fast = np.abs(np.gradient(expected, log.time, axis=0)[moving]) > 0.3
+    assert abs(np.median(off[fast])) < log.quality.age_error_s + 0.005
+    assert np.std(off[fast]) < 0.005
+
+
+def set_once(t, q):
+    return t + 0.25 * (t > 10), q
+
+
+def counted(t, q):
+    keep = np.random.default_rng(3).random(len(t)) > 0.03
+    even = np.arange(0, t[-1], 0.01)[: len(t)]
+    q = np.column_stack([np.interp(even, t, angle) for angle in q.T])[keep[: len(even)]]
+    return 0.01 * np.arange(len(q)), q
+
+
+def two_recorders(t, q):
+    other = t + 0.0503
+    times, rows = np.concatenate([t[::2], other[1::2]]), np.concatenate([q[::2], q[1::2]])
+    order = np.argsort(times)
+    return times[order], rows[order]
+
+
+@pytest.mark.parametrize(
+    ("fault", "line"),
+    [
+        (set_once, "row 9.*goes on by 0.26 s while the arm moves as in one row: the clock was set"),
+        (counted, "rows in motion are missing .*they count rows"),
+        (two_recorders, "to and fro from row to row"),
+    ],
+)
+def test_times_that_cannot_be_those_of_the_poses_are_refused_with_the_reason(real, fault, line):
+    with pytest.raises(InputError, match=line):
+        log_with(*fault(*real))
+
+
+def test_poses_that_are_sent_again_while_the_arm_moves_are_left_out(real):
+    t, q = real
+    rows = np.arange(len(t))
+    for begin in np.random.default_rng(4).integers(600, len(t) - 600, 10):
+        rows[begin : begin + 5] = begin - 1 - np.arange(5) % 2
+    log = log_with(t, q[rows])
+    assert pose_error(log.time, log.q, t, q) < 0.0005
+    assert log.quality.old > 20
+
+
+def test_a_recorder_that_froze_for_half_a_second_is_no_jump(real):
+    t, q = real
+    rows = np.arange(len(t))
+    rows[1000:1050] = 1000
+    log = log_with(t, q[rows])
+    assert len(t) - 52 <= len(log.time) <= len(t) - 45
+
+
+def test_rows_out_of_order_are_sorted(real):
+    t, q = real
+    mixed = np.random.default_rng(5).permutation(len(t))
+    log = log_with(t[mixed], q[mixed])
+    assert len(log.time) == len(t)
+
+
+def test_speeds_in_degrees_and_temperatures_in_kelvin_are_left_out_with_the_reason(real):
+    t, q = real
+    speeds = np.degrees(np.gradient(q, t, axis=0))
+    others = {f"qd{k + 1}": speeds[:, k] for k in range(6)} | {f"temperature{k + 1}": 305 + t for k in range(6)}
+    log = log_with(t, q, **others)
+    assert log.qd is None and log.temperature is None
+    assert [text.split(": ")[0] for text in log.quality.unusable] == [
+        "the speed of shoulder_pan is 57.3 times the slope of its angle, in deg/s?",
+        "temperatures of 321 are not degC",
+    ]
+
+
+def test_even_times_keep_pauses():
+    t = np.concatenate([np.arange(500) * 0.01, 60 + np.arange(500) * 0.01])
+    even = even_times(t + np.random.default_rng(6).exponential(0.003, len(t)))
+    assert np.abs(even.time - t).max() < 0.006
+    assert even.row_s == pytest.approx(0.01, rel=0.01)
