@@ -80,7 +80,7 @@ def without_unusable(
             which = "every joint" if axes.all() else robot.joint[int(axes.argmax())].name
             unmeasured.append(f"the {title} of {which}")
         elif not fault and quantity == "qd":
-            fault = speed_fault(time_ns[known] * 1e-9, q[known], values, robot)
+            fault = speed_fault(time_ns[known].astype(np.float64) * 1e-9, q[known], values, robot)
         elif not fault and quantity == "temperature":
             fault = temperature_fault(values)
         if fault:
