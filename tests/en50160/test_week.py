@@ -9,7 +9,8 @@ import pytest
 
 from acqd.metering.quality.values import QualityValues
 from acqd.storage.database import open_database
-from acqd.storage.writer import Received, Writer
+from acqd.storage.received import Received
+from acqd.storage.writer import Writer
 from acqd.telemetry import topics
 from acqd.telemetry.event import PowerEvent
 from acqd.telemetry.quality_row import quality_rows

@@ -192,7 +192,7 @@ def test_day_ahead_prices_and_the_day_of_25_hours(rolled_up):
     ("words", "said"),
     [
         (("--by", "decade"), "expected hour, day"),
-        (("--by", "step"), "acqd energy work DS --by step"),
+        (("--by", "step"), "needs --marks FILE.csv (docs/energy.md), or the robot's logs: acqd energy work DS"),
         (("--by", "shift"), "needs --shifts"),
         (("--zone", "Mars/Base"), "Mars/Base"),
         (("--from", "2026-10-25T02:30", "--zone", "Europe/Berlin"), "exists twice"),
