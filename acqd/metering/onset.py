@@ -17,6 +17,8 @@ _MORE = 1.25
 """A spread so many times the largest one of late is an onset."""
 _REMEMBERED = 0.9992
 """Share of that largest spread after a note: half is forgotten within minutes."""
+_BOTH_WAYS = 1.8
+"""Spread over the error of f beside an interharmonic, which moves it up and down; nearly 2."""
 _MARGIN = 4.0
 """Of the limit for how much f varies with the magnitude, which holds for pure lines."""
 _MOVED = 100.0
@@ -104,7 +106,8 @@ class Onset:
                 self._begun |= not (moved or swerve < _BEATING)
                 self.doubted = self._begun or not moved
             else:
-                self.doubted = few and (cycles.beat or self._movable(f, magnitude))
+                wrong = spread_Hz > _BOTH_WAYS * self._least_Hz
+                self.doubted = few and wrong and (cycles.beat or self._movable(f, magnitude))
             if self._varied >= self._windows:
                 self._limit_Hz = _MORE * spread_Hz
 
