@@ -4,7 +4,7 @@ With the fundamental's complex amplitude c and its derivative's d at a trial fre
 is f0 + Im(d / c) / 2 pi (one Gauss-Newton step of the nonlinear fit, exact to second order). Every step is one inner
 product with vectors that depend on f0 alone, so they are computed once per point of a fine frequency grid and kept.
 With several phases the steps are averaged with weights |c|^2, which is the maximum-likelihood combination for equal
-noise. There are three fits: `two_fits` makes f of two of them, and `agreement` compares it with the third.
+noise. There are two fits, over the two cycles and over the stretch; `two_fits` makes one f of them.
 
 Zero crossings (21 mHz at 0.1 % noise) and sine fits without harmonics (200 mHz at 10 % H3) do not
 reach the 10 mHz of IEC 61000-4-30 class A inside 40 ms; this does.
@@ -66,12 +66,10 @@ class Estimate:
     """[windows] rad: largest distance of a one-cycle phasor's phase from a parabola, all phases together."""
     swell: Floats
     """[windows] half of what ln(magnitude) of the one-cycle phasors varies by."""
-    apart: Floats
-    """[windows] Hz that the mean f of a fast walk differs from `f` by; NaN where `f` is."""
 
     def followed_by(self, other: Estimate) -> Estimate:
         """Of both, one after the other."""
-        names = ("f", "unsteady", "magnitude", "reactive", "bend", "swell", "apart")
+        names = ("f", "unsteady", "magnitude", "reactive", "bend", "swell")
         return Estimate(*(np.concatenate((getattr(self, name), getattr(other, name)), axis=-1) for name in names))
 
 
@@ -81,10 +79,8 @@ class _Fits:
 
     short: Floats
     """Hz over the two cycles; NaN where the steps did not settle."""
-    slow: Floats
-    """Hz, mean over the two cycles of an f that walks slowly."""
-    fast: Floats
-    """Hz, of one that walks fast."""
+    long: Floats
+    """Hz over the stretch."""
     purity: Floats
     grid: np.ndarray
     """Point of the last trial."""
@@ -99,7 +95,7 @@ class _Fits:
 
     def replace(self, at: np.ndarray, other: _Fits) -> None:
         """Other fits of the windows `at`."""
-        for name in ("short", "slow", "fast", "purity", "grid", "magnitude"):
+        for name in ("short", "long", "purity", "grid", "magnitude"):
             getattr(self, name)[at] = getattr(other, name)
 
 
@@ -174,7 +170,7 @@ class FrequencyEstimator:
             U = self._fundamentals(windows[:, credible], grid[credible])
             I = self._fundamentals(_windows(i, ends[credible], self._samples), grid[credible])  # noqa: E741
             reactive[:, credible] = (U * I.conj()).imag / 2
-        return Estimate(f, unsteady, magnitude, reactive, bend, swell, fits.fast - f)
+        return Estimate(f, unsteady, magnitude, reactive, bend, swell)
 
     def at(self, point: int) -> Trial:
         """Vectors of grid point `point`."""
@@ -183,12 +179,12 @@ class FrequencyEstimator:
     def _joint(self, fits: _Fits, unsteady: np.ndarray) -> Floats:
         """f of consecutive windows; NaN where none is credible."""
         f = np.full(len(unsteady), np.nan)
-        columns = zip(fits.short.tolist(), fits.slow.tolist(), fits.credible.tolist(), unsteady.tolist(), strict=True)
-        for k, (short, slow, credible, bent) in enumerate(columns):
+        columns = zip(fits.short.tolist(), fits.long.tolist(), fits.credible.tolist(), unsteady.tolist(), strict=True)
+        for k, (short, long, credible, bent) in enumerate(columns):
             if credible:
-                f[k] = self.fits.joint(short, slow)
+                f[k] = self.fits.joint(short, long)
             if credible and not bent:
-                self.fits.note(short, slow)
+                self.fits.note(short, long)
             else:
                 self.fits.interrupt()
         return f
@@ -197,8 +193,8 @@ class FrequencyEstimator:
         """Gauss-Newton steps until every window sits on its nearest grid point."""
         phases, count, _ = windows.shape
         grid = grid.copy()
-        f, slow, fast = np.empty((3, count))
-        parts = np.empty((phases, count, 8))
+        f, long = np.empty(count), np.empty(count)
+        parts = np.empty((phases, count, 6))
         todo = np.arange(count)
         for _ in range(STEPS):
             here = grid[todo]
@@ -206,12 +202,12 @@ class FrequencyEstimator:
                 at = todo[here == point]
                 chosen = windows if len(at) == count else windows[:, at]
                 parts[:, at] = chosen @ self.at(point).projection.T
-            re_c, im_c, *changes = np.moveaxis(parts[:, todo], 2, 0)
+            re_c, im_c, re_d, im_d, re_e, im_e = np.moveaxis(parts[:, todo], 2, 0)
+            # Im(conj(c) d) and |c|^2, summed over the phases; the parts hold -Im.
+            turn, slow_turn = (im_c * re_d - re_c * im_d).sum(axis=0), (im_c * re_e - re_c * im_e).sum(axis=0)
             weight = 2 * np.pi * np.maximum((re_c * re_c + im_c * im_c).sum(axis=0), 1e-30)
-            # Im(conj(c) d), summed over the phases; the parts hold -Im.
-            turns = [(im_c * re - re_c * im).sum(axis=0) for re, im in zip(changes[0::2], changes[1::2], strict=True)]
-            exact, slow[todo], fast[todo] = (here * GRID + turn / weight for turn in turns)
-            f[todo] = exact
+            exact = here * GRID + turn / weight
+            f[todo], long[todo] = exact, here * GRID + slow_turn / weight
             moved = np.abs(exact - here * GRID) > SLACK * GRID
             if not moved.any():
                 todo = todo[:0]
@@ -222,7 +218,7 @@ class FrequencyEstimator:
         ac = np.einsum("pwn,pwn->w", windows, windows) / self._samples
         ac -= (np.einsum("pwn->pw", windows) ** 2).sum(axis=0) / self._samples**2
         f[todo] = np.nan  # did not settle
-        return _Fits(f, slow, fast, power / np.maximum(ac, 1e-30), grid, np.sqrt(2 * power))
+        return _Fits(f, long, power / np.maximum(ac, 1e-30), grid, np.sqrt(2 * power))
 
     def _fundamentals(self, windows: Floats, grid: np.ndarray) -> np.ndarray:
         """Amplitudes, complex [phases, windows]."""

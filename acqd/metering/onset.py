@@ -17,12 +17,12 @@ _MORE = 1.25
 """A spread so many times the largest one of late is an onset."""
 _REMEMBERED = 0.9992
 """Share of that largest spread after a note: half is forgotten within minutes."""
-_BOTH_WAYS = 1.8
-"""Spread over the error of f beside an interharmonic, which moves it up and down; nearly 2."""
 _MARGIN = 4.0
 """Of the limit for how much f varies with the magnitude, which holds for pure lines."""
 _MOVED = 100.0
 """Hz per rad of `Cycles`: an interharmonic that begins moves f by so much at most."""
+_CALM = 0.0003
+"""Of `Cycles`: a step of f within the window bends the phase by more where it puts f off by 10 mHz."""
 _BEATING = 0.0005
 """Of bend and swell of `Cycles`: an interharmonic far from f has both, a ramp or a swing of f and a step of the voltage
 only one."""
@@ -36,24 +36,20 @@ _CHANCE = 0.01
 
 
 class Cycles(NamedTuple):
-    """What a window says besides f (`frequency.Estimate`): its one-cycle phasors, and another fit; NaN where nobody
-    knows.
-    """
+    """What the one-cycle phasors of a window say (`frequency.Estimate`); NaN where nobody knows."""
 
     bend: float
     """rad."""
     swell: float
     """Of ln(magnitude)."""
-    apart: float
-    """Hz."""
 
     @property
     def beat(self) -> bool:
         """Whether they do what they do beside an interharmonic."""
-        return min(self.bend, self.swell) > _BEATING or self.swell > _SWELLING
+        return min(self) > _BEATING or self.swell > _SWELLING
 
 
-UNKNOWN = Cycles(math.nan, math.nan, math.nan)
+UNKNOWN = Cycles(math.nan, math.nan)
 
 
 class Onset:
@@ -67,24 +63,24 @@ class Onset:
         self._least_Hz, self._windows, self._fastest_Hz, self._edge = least_Hz, windows, fastest_Hz, edge
         self._limit_Hz = least_Hz
         self._varied = 0
-        self._begun = False  # whether an interharmonic may have, in the first of these windows
+        self._swelled = False
         self.doubted = False
         """Whether f varies unusually, and has for less than the windows."""
 
     def reset(self) -> None:
         """The next windows do not follow the last ones; what is usual stays."""
-        self._varied, self._begun, self.doubted = 0, False, False
+        self._varied, self._swelled, self.doubted = 0, False, False
 
     def state(self) -> State:
         """What is known of the stream so far."""
         return {
-            "limit_Hz": self._limit_Hz, "varied": self._varied, "begun": self._begun, "doubted": self.doubted,
+            "limit_Hz": self._limit_Hz, "varied": self._varied, "swelled": self._swelled, "doubted": self.doubted,
         }  # fmt: skip
 
     def restore(self, state: State) -> None:
         """Go on where `state` was taken."""
         self._limit_Hz, self._varied, self.doubted = state["limit_Hz"], state["varied"], state["doubted"]
-        self._begun = state.get("begun", False)
+        self._swelled = state.get("swelled", False)
 
     def note(
         self, spread_Hz: float, f: Collection[float], magnitude: Collection[float], cycles: Cycles = UNKNOWN, *,
@@ -100,14 +96,11 @@ class Onset:
             self._varied += 1
             few, edge = self._varied < self._windows, self._varied <= self._edge
             if edge:
-                swerve = max(cycles.bend, cycles.swell)
-                moved = spread_Hz > _MOVED * swerve  # f itself
-                # The next window beside an interharmonic can show less than that in which it begins.
-                self._begun |= not (moved or swerve < _BEATING)
-                self.doubted = self._begun or not moved
+                swerve = max(cycles)
+                self._swelled |= cycles.swell > _CALM  # f itself does not change the magnitude
+                self.doubted = self._swelled or not (swerve < _CALM and spread_Hz > _MOVED * swerve)
             else:
-                wrong = spread_Hz > _BOTH_WAYS * self._least_Hz
-                self.doubted = few and wrong and (cycles.beat or self._movable(f, magnitude))
+                self.doubted = few and (cycles.beat or self._movable(f, magnitude))
             if self._varied >= self._windows:
                 self._limit_Hz = _MORE * spread_Hz
 

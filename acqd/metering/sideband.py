@@ -25,8 +25,6 @@ LIMIT = 0.005
 """Hz; an interharmonic that moves f by less is let pass."""
 SPREAD = 1.5 * LIMIT
 """Hz between the largest and the smallest f without which nothing is fitted."""
-WRONG = 0.009
-"""Hz; f that has varied by less is off by no more than that and its noise, and not doubted."""
 LENGTHS = (12, 25, 50)
 """Windows that are fitted: a fast beat is known early, a slow one at all."""
 FASTEST = 0.45
@@ -70,7 +68,7 @@ class Sideband:
         self.beating = False
         """Whether an interharmonic moved f in the last window."""
         self._lost = False  # it did in the window before, and cannot be found in the last one
-        self._onset = Onset(WRONG, lengths[-1], FASTEST / window_s, edge=2)
+        self._onset = Onset(SPREAD, lengths[-1], FASTEST / window_s, edge=2)
 
     @property
     def unsettled(self) -> bool:

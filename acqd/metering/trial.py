@@ -1,15 +1,10 @@
 """Vectors of one trial frequency: what a stretch of voltage is projected on.
 
-The voltage is modelled as DC + harmonics 1..H of the trial frequency f0, plus what f may do. It is fitted three times.
-
-The first fit is over the two cycles that the other quantities of the window are from, with the derivative of the
-fundamental with respect to frequency. Its weight is 4 s (1 - s), s = 0 .. 1 over the cycles: a phase jump near an end,
-which nothing can tell from noise, moves f by the square of its distance from the end.
-
-The two others are over the whole stretch, and their f is the mean over the two cycles: what the phase turns by between
-the ends of these, as Wiener's smoother has it (N. Wiener, Extrapolation, Interpolation, and Smoothing of Stationary
-Time Series, 1949; as generalised ridge regression) for an f that does a random walk beside white noise. A slow walk has
-little noise and follows a change of f late; a fast one has more, and follows a step within the two cycles.
+The voltage is modelled as DC + harmonics 1..H of the trial frequency f0, plus the derivative of the fundamental with
+respect to frequency. It is fitted twice by weighted least squares: over the two cycles that the other quantities of
+the window are from, and over the whole stretch. The weight of the first is 4 s (1 - s), s = 0 .. 1 over the cycles: a
+phase jump near an end, which nothing can tell from noise, moves f by the square of its distance from the end. That of
+the second is the root of it: f is steady where it counts, and has less noise.
 """
 
 from __future__ import annotations
@@ -26,9 +21,6 @@ CYCLES = 7
 FITTED_CYCLES = 2
 """Mains cycles of the first fit: those of the other quantities."""
 _HARMONICS = 25  # EN 50160 tabulates harmonics up to here
-SLOW_WALK, FAST_WALK = 2.0, 200.0
-"""Standard deviation of what f walks by in the stretch [Hz], per noise-to-signal ratio (RMS) of the samples."""
-_STEP_S = 0.002  # between the instants at which f may step
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,8 +28,8 @@ class Trial:
     """Vectors over `samples` samples."""
 
     projection: Floats
-    """[8, samples]: voltage times this is Re c, -Im c of the fundamental and Re d, -Im d of its derivative over two
-    cycles, and twice Re d, -Im d of what it changes by between their ends, per second: slow and fast walk."""
+    """[6, samples]: voltage times this is Re c, -Im c of the fundamental and Re d, -Im d of its derivative over two
+    cycles, and Re d, -Im d over the stretch."""
     turn: Floats
     """[2, samples]: cos and sin of the trial frequency."""
     edges: Floats
@@ -63,8 +55,9 @@ def make_trial(f: float, rate: float, samples: int, window: int) -> Trial:
     slope = time[:, None] / span * np.column_stack((cos[:, 0], sin[:, 0]))
     basis = np.column_stack((cos[:, :1], sin[:, :1], slope, np.ones_like(time), cos[:, 1:], sin[:, 1:]))
     cycles = _least_squares(basis, _hump(samples, start, stop))
-    cycles[:, 2:] /= span
-    rows = np.column_stack((cycles, *_turns(f, rate, samples, highest, start, stop)))
+    stretch = _least_squares(basis, np.sqrt(_hump(samples, 0.0, float(samples))))
+    rows = np.column_stack((cycles, stretch[:, 2:]))
+    rows[:, 2:] /= span
     turn = np.ascontiguousarray(np.stack((cos[:, 0], sin[:, 0])))
     end = np.linspace(rate / f, samples, CYCLES)
     edges = np.stack((end - rate / f, end))
@@ -93,66 +86,6 @@ def _least_squares(basis: Floats, weight: Floats) -> Floats:
     # not with BLAS, whose threads take longer to begin than this takes
     normal = np.einsum("nj,nk->jk", basis, weighted)
     return np.asarray(weighted @ np.linalg.solve(normal, np.eye(basis.shape[1])[:, :4]))
-
-
-def _turns(f: float, rate: float, samples: int, highest: int, start: float, stop: float) -> list[Floats]:
-    """[samples, 2] each, slow and fast walk: a signal times this is Re and -Im of what the fundamental changes by from
-    start to stop [samples], per second; its phase counts from the middle between them.
-
-    Harmonics may change at a steady rate, as they do where f lies between two trials. Columns that are even about the
-    middle of the stretch are orthogonal to odd ones, and the two kinds are fitted one after the other.
-    """
-    time: Floats = (np.arange(samples, dtype=np.float64) + 0.5 - samples / 2) / rate
-    edges = (np.array((start, stop)) - samples / 2) / rate
-    steps: Floats = np.arange(_STEP_S, time[-1], _STEP_S, dtype=np.float64)
-    turn = 2 * np.pi * f * np.outer(time, np.arange(1, highest + 1))
-    cos, sin = np.cos(turn), np.sin(turn)
-    drift = time[:, None] * 10
-    one = np.ones((samples, 1))
-    parts = []
-    for even in (True, False):
-        shape, other = _envelope(time, steps, even), _envelope(time, steps, not even)
-        free = (one, cos[:, 1:], drift * sin[:, 1:]) if even else (sin[:, 1:], drift * cos[:, 1:])
-        columns = np.column_stack((shape * cos[:, :1], other * sin[:, :1], *free))
-        asked = np.zeros((columns.shape[1], 2))
-        walks = np.zeros(columns.shape[1])
-        count = shape.shape[1]
-        for first, what, envelope in (
-            (0, 0, _envelope(edges, steps, even)),
-            (count, 1, _envelope(edges, steps, not even)),
-        ):
-            asked[first : first + count, what] = np.diff(envelope, axis=0)[0] / (edges[1] - edges[0])
-            walks[first + 1 : first + count] = 1
-        parts.append((columns, _normal(columns), asked, walks))
-    angle = 2 * np.pi * f * edges.mean()
-    rotation = np.array(((np.cos(angle), -np.sin(angle)), (np.sin(angle), np.cos(angle))))
-    result = []
-    for walk in (SLOW_WALK, FAST_WALK):
-        penalty = (2 * len(steps) + 1) / (2 * (2 * np.pi * walk) ** 2)
-        even_fit, odd_fit = (
-            columns @ np.linalg.solve(normal + penalty * np.diag(walks), asked)
-            for columns, normal, asked, walks in parts
-        )
-        result.append(np.asarray((even_fit + odd_fit) @ rotation))
-    return result
-
-
-def _envelope(time: Floats, steps: Floats, even: bool) -> Floats:
-    """[time, 1 + steps] of what the fundamental is multiplied by while f steps at 0, steps and -steps [s]: the even or
-    odd part. The first column is the level, or f at the time 0; the others are penalised.
-    """
-    before, after = np.abs(time[:, None] + steps), np.abs(time[:, None] - steps)
-    first = np.ones_like(time) if even else time
-    return np.column_stack((first, (after + before if even else after - before) / np.sqrt(8)))
-
-
-def _normal(columns: Floats) -> Floats:
-    """Products of columns that are even, or odd, about the middle: twice those of a half."""
-    middle, odd = divmod(len(columns), 2)
-    half = columns[middle:].copy()
-    half[odd:] *= np.sqrt(2)
-    # not with BLAS, whose threads take longer to begin than this takes
-    return np.asarray(np.einsum("nj,nk->jk", half, half))
 
 
 def _phasors(turn: Floats, edges: Floats) -> Floats:

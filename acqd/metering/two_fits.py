@@ -1,14 +1,15 @@
 """f of the two cycles of a window, from a fit over them and one over a longer stretch that ends with the window.
 
-The fit over the two cycles follows every change of f; the one over the stretch, of an f that walks slowly (`trial`),
-has half of its noise, and follows a change late. Where the two differ by no more than they usually do, the difference
-is noise, and the longer fit is the better one. Where they differ by more, f changes, and the fit over the cycles is:
+The fit over the two cycles follows every change of f; the one over the stretch has two thirds of its noise, and
+belongs to some 10 ms earlier. Where the two differ by no more than they usually do, the difference is noise, and the
+longer fit is the better one. Where they differ by more, f changes, and the fit over the cycles is:
 
     f = long + x (g + (1 - g) x^4 / (x^4 + s^4))      x = short - long
 
 s follows the mean change of x from window to window, which noise has and a ramp of f has not. The error of a change of
-f that is taken for noise is below 0.6 s, whatever f does, and s is bounded. A share g of x counts always,
-which is larger where there is less noise: the lag of the longer fit shrinks by g.
+f that is taken for noise is below 0.6 s, whatever f does, and s is bounded. A share g of x counts always: white noise
+of the longer fit and of x are nearly independent, so that g^2 is all that noise grows by, and the lag of the longer
+fit shrinks by g. The less noise, the larger g.
 """
 
 from __future__ import annotations
@@ -21,11 +22,11 @@ LEAST = 0.0005
 """Hz: s at least."""
 MOST = 0.01
 """Hz: s at most, also of a stream that has just begun."""
-SPREADS = 4.0
-"""s in mean changes of x: 4.5 standard deviations of white noise."""
-SHARE, CALM_SHARE = 0.0, 0.5
+SPREADS = 3.0
+"""s in mean changes of x: 3.4 standard deviations of white noise."""
+SHARE, CALM_SHARE = 0.15, 0.5
 """g at least, and where there is no noise."""
-CALM = 0.0015
+CALM = 0.006
 """Hz: s at which g is half of the way between them."""
 FEW = 25
 """Changes of which the mean is plain; later each one counts as much as it would among so many: those of a second."""

@@ -16,7 +16,6 @@ from acqd.metering.frequency import FrequencyEstimator
 from acqd.metering.held import HeldFrequency
 from acqd.metering.kernel.compiled import usable_library, why_not
 from acqd.metering.kernel.layout import (
-    APART,
     BEND,
     ENERGY,
     EXPORTED,
@@ -26,6 +25,7 @@ from acqd.metering.kernel.layout import (
     MAGNITUDE,
     NO_TRIAL,
     QUANTITIES,
+    SWELL,
     UNSETTLED,
     F,
     Form,
@@ -138,8 +138,9 @@ class Kernel:
         if not done:
             return None
         rows = rows[:, :done]
-        cycles = [Cycles(*values) for values in rows[BEND : APART + 1].T.tolist()]
-        unsettled = self._held.note_steady(rows[F].tolist(), rows[MAGNITUDE].tolist(), cycles)
+        unsettled = self._held.note_steady(
+            rows[F].tolist(), rows[MAGNITUDE].tolist(), [*map(Cycles, rows[BEND].tolist(), rows[SWELL].tolist())]
+        )
         usable = len(unsettled)
         if usable < done:  # as if the first of the others had not been metered
             ctypes.memmove(self._pointers[1], before, len(before))
@@ -160,8 +161,8 @@ class Kernel:
             if self._state.reason != NO_TRIAL:
                 return None
             self._add(self._state.point)
-        f, mark, magnitude, *cycles = self._head.tolist()
-        if not self._held.note(f, magnitude, Cycles(*cycles)):
+        f, mark, magnitude, bend, swell = self._head.tolist()
+        if not self._held.note(f, magnitude, Cycles(bend, swell)):
             ctypes.memmove(self._pointers[1], before, len(before))
             return None
         self._registers[:] = energy.add_window(self._energies.tolist())

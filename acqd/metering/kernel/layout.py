@@ -9,9 +9,9 @@ from acqd.metering.trial import CYCLES
 LANES = 8
 DONE, NO_HISTORY, NO_TRIAL, UNUSUAL = range(4)
 """Why a call ended."""
-F, FLAGS, MAGNITUDE, BEND, SWELL, APART, FIRST = range(7)
+F, FLAGS, MAGNITUDE, BEND, SWELL, FIRST = range(6)
 """Rows of the result, before those of the phases: Hz, marks, the fundamental of all phases together [digits], and what
-else the window says (`onset.Cycles`)."""
+its cycles say (`onset.Cycles`)."""
 UNSETTLED = 256
 """Mark of a window that is `unsettled`; bits 0 to 3 mark phases without mains, 4 to 7 phases over range."""
 VRMS, IRMS, POWER, REACTIVE, IMPORTED, EXPORTED, ENERGY = range(7)

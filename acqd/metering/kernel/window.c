@@ -15,10 +15,7 @@
 
 #define PHASORS 7
 #define EDGES (2 * PHASORS)
-#define FITS 3 /* of f: cycles, slow walk, fast walk (acqd/metering/trial.py) */
-#define COLUMNS (2 * FITS + 4) /* projection on Re c, -Im c, and Re d, -Im d of each fit; cos, sin */
-#define COS (2 * FITS + 2)
-#define SIN (COS + 1)
+#define COLUMNS 8 /* projection on Re c, -Im c, Re d, -Im d, Re d and -Im d of the stretch; cos, sin */
 
 enum { DONE, NO_HISTORY, NO_TRIAL, UNUSUAL };
 
@@ -49,16 +46,21 @@ struct sums {
 };
 
 struct fit {
-    vec of[COLUMNS];
+    vec re_c, im_c, re_d, im_d, re_e, im_e, cos, sin; /* d of the cycles, e of the stretch */
 };
 
 enum part { NO_SUMS, BEFORE, INSIDE }; /* samples whose sums are known; before the window; of the window */
 
 INLINE struct fit with_sample(struct fit f, vec x, const double *trial, int64_t n, int64_t samples, int channels)
 {
-#pragma GCC unroll 10
-    for (int k = 0; k < COLUMNS; k++)
-        f.of[k] += x * spread(trial + WEIGHT(k, n), channels);
+    f.re_c += x * spread(trial + WEIGHT(0, n), channels);
+    f.im_c += x * spread(trial + WEIGHT(1, n), channels);
+    f.re_d += x * spread(trial + WEIGHT(2, n), channels);
+    f.im_d += x * spread(trial + WEIGHT(3, n), channels);
+    f.re_e += x * spread(trial + WEIGHT(4, n), channels);
+    f.im_e += x * spread(trial + WEIGHT(5, n), channels);
+    f.cos += x * spread(trial + WEIGHT(6, n), channels);
+    f.sin += x * spread(trial + WEIGHT(7, n), channels);
     return f;
 }
 
@@ -84,17 +86,21 @@ INLINE void take_many(struct fit *f, struct sums *s, enum part part, const void 
     const int each = channels >= NATIVE ? 1 : NATIVE / channels;
 #pragma GCC unroll 3
     for (int p = 0; NATIVE * p < channels; p++) {
-        native of[COLUMNS];
-#pragma GCC unroll 10
-        for (int k = 0; k < COLUMNS; k++)
-            of[k] = lanes(&f->of[k], p);
+        native re_c = lanes(&f->re_c, p), im_c = lanes(&f->im_c, p), re_d = lanes(&f->re_d, p);
+        native im_d = lanes(&f->im_d, p), re_e = lanes(&f->re_e, p), im_e = lanes(&f->im_e, p);
+        native cos = lanes(&f->cos, p), sin = lanes(&f->sin, p);
         native square = lanes(&s->square, p), cross = lanes(&s->cross, p), plain = lanes(&s->plain, p);
         native most = lanes(&s->most, p), least = lanes(&s->least, p);
         for (ptrdiff_t n = from; n < to; n += each) {
             const native x = native_load(codes, bits, n * channels + NATIVE * p);
-#pragma GCC unroll 10
-            for (int k = 0; k < COLUMNS; k++)
-                of[k] += x * native_spread(trial + WEIGHT(k, n), each);
+            re_c += x * native_spread(trial + WEIGHT(0, n), each);
+            im_c += x * native_spread(trial + WEIGHT(1, n), each);
+            re_d += x * native_spread(trial + WEIGHT(2, n), each);
+            im_d += x * native_spread(trial + WEIGHT(3, n), each);
+            re_e += x * native_spread(trial + WEIGHT(4, n), each);
+            im_e += x * native_spread(trial + WEIGHT(5, n), each);
+            cos += x * native_spread(trial + WEIGHT(6, n), each);
+            sin += x * native_spread(trial + WEIGHT(7, n), each);
             if (part == NO_SUMS)
                 continue;
             square += x * x;
@@ -105,9 +111,14 @@ INLINE void take_many(struct fit *f, struct sums *s, enum part part, const void 
                 least = native_smaller(x, least);
             }
         }
-#pragma GCC unroll 10
-        for (int k = 0; k < COLUMNS; k++)
-            set_lanes(&f->of[k], p, of[k]);
+        set_lanes(&f->re_c, p, re_c);
+        set_lanes(&f->im_c, p, im_c);
+        set_lanes(&f->re_d, p, re_d);
+        set_lanes(&f->im_d, p, im_d);
+        set_lanes(&f->re_e, p, re_e);
+        set_lanes(&f->im_e, p, im_e);
+        set_lanes(&f->cos, p, cos);
+        set_lanes(&f->sin, p, sin);
         set_lanes(&s->square, p, square);
         set_lanes(&s->cross, p, cross);
         set_lanes(&s->plain, p, plain);
@@ -154,25 +165,28 @@ INLINE struct fit project(vec edges[EDGES][2], struct sums *before, struct sums 
             break;
         const int place = (int)number[e];
         const double share = position[e] - (double)stop;
-        vec cosine = fold(f.of[COS], channels), sine = fold(f.of[SIN], channels);
+        vec cosine = fold(f.cos, channels), sine = fold(f.sin, channels);
         if (stop < samples) {
             const vec x = load(codes, bits, stop * channels, channels) * share;
-            cosine += x * trial[WEIGHT(COS, stop)];
-            sine += x * trial[WEIGHT(SIN, stop)];
+            cosine += x * trial[WEIGHT(6, stop)];
+            sine += x * trial[WEIGHT(7, stop)];
         }
         edges[place][0] = cosine;
         edges[place][1] = sine;
     }
-    for (int k = 0; k < COS; k++)
-        f.of[k] = fold(f.of[k], channels);
+    f.re_c = fold(f.re_c, channels);
+    f.im_c = fold(f.im_c, channels);
+    f.re_d = fold(f.re_d, channels);
+    f.im_d = fold(f.im_d, channels);
+    f.re_e = fold(f.re_e, channels);
+    f.im_e = fold(f.im_e, channels);
     return f;
 }
 
-/* What a window says besides f. The one-cycle phasors: distance of a phase from the parabola through all [rad], the largest; half of what
+/* What the one-cycle phasors say: distance of a phase from the parabola through all [rad], the largest; half of what
    ln(magnitude) varies by. */
 struct cycles {
     double bend, swell;
-    double apart; /* Hz: fast walk against f */
 };
 
 static struct cycles cycles_of(vec edges[EDGES][2], int channels, const double *bend)
@@ -203,13 +217,13 @@ static struct cycles cycles_of(vec edges[EDGES][2], int channels, const double *
             rest += phase[k] * bend[k * PHASORS + j];
         largest = fmax(largest, fabs(rest));
     }
-    return (struct cycles){largest, log(most / fmax(least, 1e-300)) / 4, 0};
+    return (struct cycles){largest, log(most / fmax(least, 1e-300)) / 4};
 }
 
-/* f from that of the cycles and that of a slow walk, and what the next window needs (acqd/metering/two_fits.py). */
-static double joint(const struct form *form, struct state *s, double cycles, double slow)
+/* f from that of the cycles and that of the stretch, and what the next window needs (acqd/metering/two_fits.py). */
+static double joint(const struct form *form, struct state *s, double cycles, double stretch)
 {
-    const double x = cycles - slow;
+    const double x = cycles - stretch;
     double spread = form->most_spread;
     if (s->known)
         spread = fmin(fmax(form->spreads * s->change, form->least_spread), form->most_spread);
@@ -222,7 +236,7 @@ static double joint(const struct form *form, struct state *s, double cycles, dou
     s->follows = 1;
     const double calm = spread / form->calm;
     const double share = form->share + (form->calm_share - form->share) / (1 + calm * calm);
-    return slow + x * (share + (1 - share) * (fourth / (fourth + noise)));
+    return stretch + x * (share + (1 - share) * (fourth / (fourth + noise)));
 }
 
 /* f [Hz], the projection of the stretch and the sums of the window, which begins with its sample `inside`; 0 with the
@@ -250,20 +264,17 @@ INLINE double frequency(const struct form *form, struct state *state, struct fit
         } else {
             *fit = project(edges, &before, window, 1, codes, bits, channels, form->fit, inside, trial);
         }
-        const vec re = fit->of[0], im = fit->of[1], weight = re * re + im * im;
-        double fits[FITS], weights = 0, power = 0;
+        const vec re = fit->re_c, im = fit->im_c, turn = im * fit->re_d - re * fit->im_d;
+        const vec slow = im * fit->re_e - re * fit->im_e, weight = re * re + im * im;
+        double turns = 0, slow_turns = 0, weights = 0, power = 0;
         for (int c = 0; c < channels; c += 2) {
+            turns += turn[c];
+            slow_turns += slow[c];
             weights += weight[c];
             power += ac[c];
         }
-        for (int k = 0; k < FITS; k++) {
-            const vec turn = im * fit->of[2 * k + 2] - re * fit->of[2 * k + 3];
-            double turns = 0;
-            for (int c = 0; c < channels; c += 2)
-                turns += turn[c];
-            fits[k] = (double)point * form->grid + turns / (2 * M_PI * fmax(weights, 1e-30));
-        }
-        f = fits[0];
+        const double turned = 2 * M_PI * fmax(weights, 1e-30);
+        f = (double)point * form->grid + turns / turned;
         if (fabs(f - (double)point * form->grid) > form->slack * form->grid)
             continue;
         const int credible = f >= form->f_low && f <= form->f_high && weights / 2 >= form->purity * fmax(power, 1e-30);
@@ -272,9 +283,7 @@ INLINE double frequency(const struct form *form, struct state *state, struct fit
         *cycles = cycles_of(edges, channels, form->bend);
         if (cycles->bend > form->steady)
             break;
-        f = joint(form, state, fits[0], fits[1]);
-        cycles->apart = fits[2] - f;
-        return f;
+        return joint(form, state, f, (double)point * form->grid + slow_turns / turned);
     }
     state->reason = UNUSUAL;
     return 0;
@@ -356,7 +365,7 @@ INLINE struct sums interval(struct sums window, const void *codes, int bits, int
 
 /* Rows of the result, each with one value per window; from VRMS on, each stands for one row per phase. Python writes
    IMPORTED and EXPORTED. */
-enum { F, FLAGS, MAGNITUDE, BEND, SWELL, APART, VRMS };
+enum { F, FLAGS, MAGNITUDE, BEND, SWELL, VRMS };
 enum { IRMS = 1, POWER, REACTIVE, IMPORTED, EXPORTED, ENERGY, U_DC, I_DC, U_PEAK, I_PEAK, U_RE, U_IM, I_RE, I_IM };
 #define ROW(quantity, phase) (VRMS + (quantity) * (channels / 2) + (phase))
 
@@ -393,9 +402,9 @@ INLINE int one_window(const struct form *form, struct state *state, const double
         const int phase = c / 2;
         const double u = form->scale[c], i = form->scale[c + 1];
         const double volts = sqrt(fmax(inner.square[c] / length, 0)) * u;
-        const double u_re = fit.of[0][c] * u, u_im = -fit.of[1][c] * u, i_re = fit.of[0][c + 1] * i;
-        const double i_im = -fit.of[1][c + 1] * i;
-        magnitude += fit.of[0][c] * fit.of[0][c] + fit.of[1][c] * fit.of[1][c];
+        const double u_re = fit.re_c[c] * u, u_im = -fit.im_c[c] * u, i_re = fit.re_c[c + 1] * i;
+        const double i_im = -fit.im_c[c + 1] * i;
+        magnitude += fit.re_c[c] * fit.re_c[c] + fit.im_c[c] * fit.im_c[c];
         out[ROW(0, phase) * stride] = volts;
         out[ROW(IRMS, phase) * stride] = sqrt(fmax(inner.square[c + 1] / length, 0)) * i;
         out[ROW(POWER, phase) * stride] = inner.cross[c] / length * (u * i);
@@ -424,7 +433,6 @@ INLINE int one_window(const struct form *form, struct state *state, const double
     out[MAGNITUDE * stride] = sqrt(magnitude);
     out[BEND * stride] = cycles.bend;
     out[SWELL * stride] = cycles.swell;
-    out[APART * stride] = cycles.apart;
     next.trial = f;
     next.last = f;
     next.reason = DONE;
@@ -517,7 +525,7 @@ INLINE int quiet(const struct form *form, const void *codes, int bits, int chann
     }
     out[F] = NAN;
     out[FLAGS] = (double)flags;
-    out[MAGNITUDE] = out[BEND] = out[SWELL] = out[APART] = 0;
+    out[MAGNITUDE] = out[BEND] = out[SWELL] = 0;
     return 1;
 }
 
