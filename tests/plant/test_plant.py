@@ -10,10 +10,13 @@ import aiomqtt
 import pytest
 import sqlalchemy as sa
 
+from acqd.energy.rules import Rules
 from acqd.fleet.summary import judged, report_of
 from acqd.plant.heard import Heard
 from acqd.plant.inventory import inventory
-from acqd.storage.database import open_database, transaction
+from acqd.plant.page import plant_page
+from acqd.plant.plant import read_plant
+from acqd.storage.database import open_database, read_database, transaction
 from acqd.storage.schema import power_15min
 from tests.browser import chromium, looks, serious_findings
 from tests.commands import acqd_here, refused
@@ -161,6 +164,33 @@ def test_a_month_is_printed_with_what_is_missing(plant, fleet, ask):
         ("2026-08", "no device"),
     ):
         assert why in refused(ask("month", "--month", month, "--config", plant / "bare.toml"))
+
+
+def plant_heard(plant, now=NOW, **topics):
+    """The plant as of `now`, with these retained messages."""
+    heard = Heard()
+    for topic, payload in topics.items():
+        heard.take("acqd/" + topic.replace("__", "/"), payload)
+    engine = read_database(str(plant / "p.sqlite"))
+    return read_plant(engine, Rules(None, BERLIN), now, heard, {}, lambda *_: None)
+
+
+def test_an_alarm_that_belongs_to_no_row_is_told(plant):
+    alarm = {"text": "the daemon is offline", "since": "2026-11-26T09:30:00.000Z", "acknowledged_by": ""}
+    active = [alarm | {"key": "hall-1/offline"}, alarm | {"key": "all/budget-day-kWh", "acknowledged_by": "Ada"},
+              alarm | {"key": "gone/residual"}, alarm | {"key": "cell-1/residual"}]  # fmt: skip
+    one = [status(f"cell-{k}")[1] for k in range(1, 5)]
+    daemons = {f"cell-{k}__status": payload for k, payload in enumerate(one, 1)}
+    found = plant_heard(plant, **daemons, **{"hall-1__status": b"offline"}, alarms__active=json.dumps(active).encode())
+    assert [each["key"] for each in found.loose] == ["hall-1/offline", "all/budget-day-kWh", "gone/residual"]
+    plant_page(found, plant / "loose.html").write(plant / "loose.html")
+    page = (plant / "loose.html").read_text()
+    assert "2 open alarms of no device in the table" in page and "all/budget-day-kWh" in page
+    without = plant_heard(plant, unix("2026-11-09T12:00"), **daemons, **{"hall-1__status": b"offline"})
+    assert [each["key"] for each in without.loose] == ["hall-1/offline"]  # acqd alarms does not run
+    plant_page(without, plant / "loose.html").write(plant / "loose.html")
+    page = (plant / "loose.html").read_text()
+    assert "1 open alarm of no device in the table" in page and "No open alarm" not in page
 
 
 def test_an_inventory_names_what_is_offline_or_old(plant, ask, mosquitto):
