@@ -64,6 +64,8 @@ def _verdict(plant: Plant) -> Verdict:
         warnings.append("The broker was not asked: states and alarms are unknown.")
     elif plant.heard.alarms is None:
         warnings.append("acqd alarms does not run on this broker: alarms are what the states of daemons say.")
+    away = sorted(name for name, state in plant.heard.sinks.items() if state is None) if plant.heard else []
+    warnings += [f"The sink {name} is offline: it stores no rows." for name in away]
     worst = [row for row in plant.rows if row.severity in ("alarm", "no rows")][:_MOST_STEPS]
     steps = [f"{row.device}: {row.cause or row.severity}" for row in worst]
     steps += [f"{alarm.get('key', '')}: {alarm.get('text', '')}" for alarm in loose[:_MOST_STEPS]]

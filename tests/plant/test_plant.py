@@ -193,6 +193,19 @@ def test_an_alarm_that_belongs_to_no_row_is_told(plant):
     assert "1 open alarm of no device in the table" in page and "No open alarm" not in page
 
 
+@pytest.mark.parametrize("days", [1, 3, 20])
+def test_an_online_device_whose_rows_have_ended_is_not_fine(plant, days):
+    daemons = {f"cell-{k}__status": status(f"cell-{k}")[1] for k in range(1, 5)}
+    now = NOW + days * 86_400
+    found = plant_heard(plant, now, **daemons, sink__s1__status=b"offline", alarms__active=b"[]")
+    expected = {"cell-1": "fine", "cell-4": "no rows"} if days == 1 else {"cell-1": "no rows", "cell-4": "no rows"}
+    assert {row.device: row.severity for row in found.rows}.items() >= expected.items()
+    plant_page(found, plant / "ended.html").write(plant / "ended.html")
+    assert "The sink s1 is offline" in (plant / "ended.html").read_text()
+    before = plant_heard(plant, unix("2026-10-28T12:00"), **daemons, alarms__active=b"[]")
+    assert {row.severity for row in before.rows} == {"fine"}  # the first day is not over
+
+
 def test_an_inventory_names_what_is_offline_or_old(plant, ask, mosquitto):
     announced(mosquitto.port)
     (plant / "live.toml").write_text((plant / "acqd.toml").read_text() + f"[mqtt]\nport = {mosquitto.port}\n")
