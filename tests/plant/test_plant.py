@@ -14,6 +14,7 @@ from acqd.energy.rules import Rules
 from acqd.fleet.summary import judged, report_of
 from acqd.plant.heard import Heard
 from acqd.plant.inventory import inventory
+from acqd.plant.month import month_page, month_range, read_month
 from acqd.plant.page import plant_page
 from acqd.plant.plant import read_plant
 from acqd.storage.database import open_database, read_database, transaction
@@ -36,12 +37,12 @@ NOW = unix("2026-11-26T12:00")
 
 @pytest.fixture(scope="module")
 def plant(tmp_path_factory):
-    """Four devices from 28 October: 1 kW, of cell-2 2 kW in the last week; cell-3 has a gap, cell-4 ends."""
+    """Four devices from 20 October: 1 kW, of cell-2 2 kW in the last week; cell-3 has a gap, cell-4 ends."""
     folder = tmp_path_factory.mktemp("plant")
     rows = []
     for k in range(1, 5):
         W = 0.0
-        for start in range(unix("2026-10-28"), NOW, 900):
+        for start in range(unix("2026-10-20"), NOW, 900):
             P = 2000.0 if k == 2 and start >= unix("2026-11-19") else 1000.0
             W += P / 4000
             gap = k == 3 and unix("2026-11-20T22:00") <= start < unix("2026-11-21T06:00")
@@ -202,8 +203,39 @@ def test_an_online_device_whose_rows_have_ended_is_not_fine(plant, days):
     assert {row.device: row.severity for row in found.rows}.items() >= expected.items()
     plant_page(found, plant / "ended.html").write(plant / "ended.html")
     assert "The sink s1 is offline" in (plant / "ended.html").read_text()
-    before = plant_heard(plant, unix("2026-10-28T12:00"), **daemons, alarms__active=b"[]")
+    before = plant_heard(plant, unix("2026-10-20T12:00"), **daemons, alarms__active=b"[]")
     assert {row.severity for row in before.rows} == {"fine"}  # the first day is not over
+
+
+def quarters(path, *of):
+    """Quarter hours of 1 kW: device, begin, end."""
+    engine = open_database(str(path))
+    rows = [{"device": name, "channel": "total", "start": start, "rows": 22_500, "P": 1000.0, "P_min": 1000.0,
+             "P_max": 1000.0, "W": (start - unix("2026-08-01")) / 3600, "flagged": 0}
+            for name, begin, end in of for start in range(unix(begin), unix(end), 900)]  # fmt: skip
+    with transaction(engine) as connection:
+        connection.execute(sa.insert(power_15min), rows)
+    return engine
+
+
+def test_a_device_without_a_row_in_the_month_is_named(tmp_path):
+    engine = quarters(tmp_path / "p.sqlite", ("press-1", "2026-09-01", "2026-11-01"),
+                      ("press-3", "2026-09-01", "2026-09-05"))  # fmt: skip
+    found = read_month(engine, Rules(None, BERLIN), *month_range("2026-10", NOW, BERLIN), {}, lambda *_: None)
+    assert found.gone == ["press-3"] and [one.device for one in found.accounts] == ["press-1"]
+    month_page(found, tmp_path / "m.html").write(tmp_path / "m.html")
+    page = (tmp_path / "m.html").read_text()
+    assert "No row in this month, but in the month before: press-3." in page and "whole month are there" not in page
+    assert "press-3" in page.split("Devices</h2>")[1].split("</table>")[0]
+
+
+def test_a_running_month_is_compared_with_as_much_of_the_month_before():
+    chosen, earlier = month_range("2026-11", NOW, BERLIN)
+    assert (chosen.begin, chosen.end) == (unix("2026-11-01"), NOW)
+    assert (earlier.begin, earlier.end) == (unix("2026-10-01"), unix("2026-10-26T12:00"))
+    chosen, _ = month_range("2026-11", unix("2026-11-01") + 60, BERLIN)
+    assert chosen.end == unix("2026-11-01T00:15")  # its first quarter hour is no error of --from and --to
+    assert month_range("2026-10", NOW, BERLIN)[1].end == unix("2026-10-01")
 
 
 def test_an_inventory_names_what_is_offline_or_old(plant, ask, mosquitto):
