@@ -67,6 +67,10 @@ def test_a_gap_within_a_part_belongs_to_it_and_prices_are_those_of_the_time(work
     (gear,) = device["values"]
     assert gear["nWh"] == device["register_nWh"] and device["over_gaps_nWh"] == 0
     assert gear["EUR"] == pytest.approx(0.1 * 0.899 + 0.3 * 0.9)
+    (tmp_path / "t.toml").write_text((tmp_path / "t.toml").read_text().replace("06:15", "06:11"))
+    ask(works, [(0, "gear")], "--json", "--tariff", tmp_path / "t.toml", "--csv", tmp_path / "p.csv")
+    (line,) = csv.DictReader((tmp_path / "p.csv").read_text().splitlines())
+    assert float(line["unpriced_kWh"]) == pytest.approx(0.101)  # the price changes in the gap
     assert "gear" in ask(works, [(0, "gear")]).stdout
 
 

@@ -229,6 +229,22 @@ def test_a_device_without_a_row_in_the_month_is_named(tmp_path):
     assert "press-3" in page.split("Devices</h2>")[1].split("</table>")[0]
 
 
+def test_a_cost_of_which_a_part_is_unknown_is_a_lower_bound(tmp_path):
+    """The series ends on 3 October; press-2 goes on, press-1 does not."""
+    quarters(tmp_path / "p.sqlite", ("press-1", "2026-10-01", "2026-10-03"), ("press-2", "2026-10-01", "2026-10-05"))
+    (tmp_path / "prices.csv").write_text(
+        "time,price\n" + "".join(f"2026-10-0{k // 24 + 1}T{k % 24:02d}:00+02:00,500\n" for k in range(48))
+    )
+    (tmp_path / "t.toml").write_text('zone = "Europe/Berlin"\n[series]\nfile = "prices.csv"\nunit = "EUR/MWh"\n')
+    (tmp_path / "acqd.toml").write_text('[sink]\ndatabase = "p.sqlite"\n[energy]\ntariff = "t.toml"\n')
+    asked = ("plant", "month", "--month", "2026-10", "--out", tmp_path / "m.html", "--config", tmp_path / "acqd.toml")
+    found = json.loads(acqd_here(*asked, "--json", cwd=tmp_path).stdout)
+    assert found["kWh"] == pytest.approx(48 + 96, abs=0.5) and found["EUR"] == pytest.approx(24, abs=0.3)
+    assert found["unpriced_kWh"] == pytest.approx(96, abs=0.5) and "no value at" in found["trouble"]
+    shown = acqd_here(*asked, cwd=tmp_path).stdout
+    assert ">= 23." in shown and "note: " in shown and "no value at" in shown
+
+
 def test_a_running_month_is_compared_with_as_much_of_the_month_before():
     chosen, earlier = month_range("2026-11", NOW, BERLIN)
     assert (chosen.begin, chosen.end) == (unix("2026-11-01"), NOW)
