@@ -32,7 +32,10 @@ def read_marks(path: Path, kind: str) -> dict[str, Marks]:
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(path, f"cannot be read ({getattr(error, 'strerror', None) or error})") from None
     delimiter = ";" if ";" in text.partition("\n")[0] else ","
-    rows = [row for row in csv.reader(text.splitlines(), delimiter=delimiter) if row]
+    try:
+        rows = [row for row in csv.reader(text.splitlines(), delimiter=delimiter) if row]
+    except csv.Error as error:
+        raise InputError(path, f"is no table of values ({error})") from None
     header = [name.strip().lower() for name in rows[0]] if rows else []
     for name in ("time", kind):
         if name not in header:

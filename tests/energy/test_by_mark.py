@@ -79,7 +79,8 @@ def test_a_gap_within_a_part_belongs_to_it_and_prices_are_those_of_the_time(work
     [("time,part\n2026-11-23T06:00,gear\n", "line 2: time '2026-11-23T06:00' has no offset"),
      ("time,what\n", "has no column part"), ("time,part\n", "has no lines"),
      ("time,part\n2026-11-23T06:00Z,a\n2026-11-23T06:00Z,b\n", "line 3: time does not rise"),
-     ("time,part,device\n2026-11-23T06:00Z,a,x\n", "has lines of x")],
+     ("time,part,device\n2026-11-23T06:00Z,a,x\n", "has lines of x"),
+     (f"time,part\n2026-11-23T06:00Z,{'a' * 140_000}\n", "is no table of values")],
 )  # fmt: skip
 def test_marks_that_cannot_be_used_are_one_line(works, tmp_path, text, why):
     (tmp_path / "m.csv").write_text(text)
