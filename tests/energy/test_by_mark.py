@@ -88,6 +88,13 @@ def test_marks_that_cannot_be_used_are_one_line(works, tmp_path, text, why):
     assert why in refused(acqd_here("energy", *words))
 
 
+def test_a_line_that_repeats_the_value_is_no_new_visit(works):
+    marks = [(0, ""), (100, "gear"), (200, "gear"), (690, "gear"), (900, "")]
+    (device,) = json.loads(ask(works, marks, "--json").stdout)["devices"]
+    assert {each["value"]: each["visits"] for each in device["values"]} == {"gear": 1, None: 2}
+    assert device["over_gaps_nWh"] == 0  # the gap lies within the visit
+
+
 def test_by_part_without_marks_says_what_is_needed(works):
     assert "--marks FILE.csv" in refused(acqd_here("energy", "--database", works / "p.sqlite", "--by", "part"))
     words = ("energy", "--database", works / "p.sqlite", "--by", "day", "--marks", works / "m.csv")
