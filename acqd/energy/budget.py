@@ -105,8 +105,9 @@ def _earlier(budget: Budget, whole: Range, until: int, zone: ZoneInfo) -> Range:
     if budget.per == "month":
         begin = days_before(until, _MONTH_BASIS_DAYS, zone)
         return Range(begin, days_before(until, 0, zone))
-    begin, end = (datetime.fromtimestamp(at, zone) - timedelta(days=7) for at in (until, whole.end))
-    return Range(round(begin.timestamp()), round(end.timestamp()))  # the same time of the clock, over its change, too
+    # the same time of the clock, over its change, too
+    earlier = [datetime.fromtimestamp(at, zone) - timedelta(days=7) for at in (until, whole.end)]
+    return Range(*(round(moment.timestamp()) for moment in earlier))
 
 
 def _forecast(
