@@ -86,3 +86,17 @@ def for_people(work: Callable[[], object]) -> None:
         sys.exit(1)
     except KeyboardInterrupt:
         sys.exit(130)
+    except Exception as error:
+        if (line := _unanswered(error)) is None:
+            raise
+        print(f"acqd: {line}", file=sys.stderr)
+        sys.exit(2)
+
+
+def _unanswered(error: Exception) -> str | None:
+    """Of a database, in one line; None for a bug."""
+    if "sqlalchemy" not in sys.modules:  # which is slow to import
+        return None
+    from acqd.storage.database import unanswered
+
+    return unanswered(error)

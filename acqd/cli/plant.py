@@ -58,11 +58,14 @@ def page_command(
         plant = read_plant(engine, rules_of(settings.energy), time.time(), heard, _found(fleet), show)
     plant_page(plant, out).write(out)
     if json:
-        print(orjson.dumps({"page": str(out), "devices": [row.as_json() for row in plant.rows]}).decode())
+        devices = [row.as_json() for row in plant.rows]
+        about = {"devices": devices, "other_alarms": plant.loose, "trouble": plant.trouble or None}
+        print(orjson.dumps({"page": str(out), **about}).decode())
     else:
-        print(
-            f"{counted(len(plant.rows), 'device')}, {sum(row.severity != 'fine' for row in plant.rows)} not fine: {out}"
-        )
+        others = f", {counted(len(plant.loose), 'alarm')} of no device here" if plant.loose else ""
+        bad = sum(row.severity != "fine" for row in plant.rows)
+        print(f"{counted(len(plant.rows), 'device')}, {bad} not fine{others}: {out}")
+        _note(plant.trouble)
 
 
 @app.command("month")
@@ -79,6 +82,7 @@ def month_command(
 
     Example: acqd plant month --month 2026-10 --fleet plant.fleet
     """
+    from acqd.energy.page import euros
     from acqd.energy.rules import rules_of
     from acqd.extras import require
     from acqd.plant.month import month_page, month_range, read_month
@@ -94,15 +98,18 @@ def month_command(
         found = read_month(engine, rules, chosen, earlier, _found(fleet), show)
     path = out or Path(f"plant-{found.name}.html")
     month_page(found, path).write(path)
-    cost = None if found.total.cost is None else float(found.total.cost)
+    total = found.total
     if json:
-        about = {"month": found.name, "kWh": found.total.kWh, "EUR": cost, "devices": len(found.accounts)}
+        about = {
+            "month": found.name, "kWh": total.kWh, "EUR": None if total.cost is None else float(total.cost),
+            "unpriced_kWh": total.unpriced_nWh / 1e12, "devices": len(found.accounts), "without_rows": found.gone,
+            "trouble": found.trouble or None,
+        }  # fmt: skip
         print(orjson.dumps({"page": str(path), **about}).decode())
     else:
-        price = "" if cost is None else f", {cost:.2f} EUR"
-        print(
-            f"{found.name}: {counted(len(found.accounts), 'device')}, {found.total.kWh or 0.0:.3f} kWh{price}: {path}"
-        )
+        price = "" if total.cost is None else f", {euros(total)}"
+        print(f"{found.name}: {counted(len(found.accounts), 'device')}, {total.kWh or 0.0:.3f} kWh{price}: {path}")
+        _note(found.trouble)
 
 
 @app.command("inventory")
@@ -130,6 +137,12 @@ def inventory_command(config: ConfigFile = None, json: Json = False) -> None:
         print(f"{len(found)} processes, {online} online, versions: {', '.join(versions) or 'unknown'}")
     if any(not one.online or any(remark.startswith("older than") for remark in one.remarks) for one in found):
         raise typer.Exit(1)
+
+
+def _note(trouble: str) -> None:
+    """Why costs are missing."""
+    if trouble:
+        print(f"note: {trouble}")
 
 
 def _settings(config: Path | None, tariff: Path | None) -> Config:

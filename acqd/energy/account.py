@@ -111,16 +111,20 @@ def account_of(
 
 
 def sum_of(periods: Sequence[Period]) -> Period:
-    """The same period of several devices; powers of devices have no common maximum. Raises ValueError for none."""
+    """The same period of several devices; powers of devices have no common maximum. Raises ValueError for none.
+
+    Where some devices have a cost, the energy of those without one has no price: the sum is a lower bound.
+    """
     energies = [one.nWh for one in periods]
     costs, co2 = [one.cost for one in periods], [one.co2_kg for one in periods]
     means = [one.mean_W for one in periods if one.mean_W is not None]
     standby = [one.standby_nWh for one in periods]
+    without = sum(one.nWh or 0 for one in periods if one.cost is None) if any(cost is not None for cost in costs) else 0
     return Period(
         periods[0].begin, periods[0].end,
         sum(energy for energy in energies if energy is not None) if any(e is not None for e in energies) else None,
         min(one.known_s for one in periods), sum(means) if means else None, None, None,
-        _sum(costs), sum(one.unpriced_nWh for one in periods), _sum(co2),
+        _sum(costs), sum(one.unpriced_nWh for one in periods) + without, _sum(co2),
         None if None in standby else sum(one for one in standby if one is not None),
     )  # fmt: skip
 

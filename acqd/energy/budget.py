@@ -76,7 +76,9 @@ class Budgets:
     def _standing(self, engine: sa.Engine, budget: Budget, now: float) -> Standing:
         zone = self._rules.zone
         whole = current(budget.per, now, zone)
-        step = 60 if budget.per == "day" else 900
+        tariff = self._rules.tariff
+        by_minute = budget.unit == "EUR" and tariff is not None and tariff.by_minute
+        step = 60 if budget.per == "day" or by_minute else 900
         until = max(int(now) // step * step, whole.begin)
         rest = _earlier(budget, whole, until, zone)
         spans = [Range(whole.begin, until), rest]
@@ -103,7 +105,9 @@ def _earlier(budget: Budget, whole: Range, until: int, zone: ZoneInfo) -> Range:
     if budget.per == "month":
         begin = days_before(until, _MONTH_BASIS_DAYS, zone)
         return Range(begin, days_before(until, 0, zone))
-    return Range(until - 7 * 86_400, whole.end - 7 * 86_400)
+    # the same time of the clock, over its change, too
+    earlier = [datetime.fromtimestamp(at, zone) - timedelta(days=7) for at in (until, whole.end)]
+    return Range(*(round(moment.timestamp()) for moment in earlier))
 
 
 def _forecast(

@@ -26,28 +26,37 @@ class Marks:
 
 
 def read_marks(path: Path, kind: str) -> dict[str, Marks]:
-    """Marks by device, or under "" where the file has no column of that name. Raises InputError, UserError."""
+    """Marks by device, or under "" where the file has no column of that name. Raises InputError, UserError.
+
+    A line that repeats the value of the one before is no mark: a file of parts and steps has a line for every step.
+    """
     try:
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(path, f"cannot be read ({getattr(error, 'strerror', None) or error})") from None
     delimiter = ";" if ";" in text.partition("\n")[0] else ","
-    rows = [row for row in csv.reader(text.splitlines(), delimiter=delimiter) if row]
+    try:
+        rows = [row for row in csv.reader(text.splitlines(), delimiter=delimiter) if row]
+    except csv.Error as error:
+        raise InputError(path, f"is no table of values ({error})") from None
     header = [name.strip().lower() for name in rows[0]] if rows else []
     for name in ("time", kind):
         if name not in header:
             raise InputError(path, f"has no column {name}; expected a header with time, {kind} and perhaps device")
     place = {name: header.index(name) for name in ("time", kind, "device") if name in header}
     found: dict[str, list[tuple[int, str]]] = {}
+    latest: dict[str, int] = {}
     for number, row in enumerate(rows[1:], start=2):
         if len(row) != len(header):
             raise InputError(path, f"line {number}: {len(row)} values, expected {len(header)}")
         device = row[place["device"]].strip() if "device" in place else ""
         of = found.setdefault(device, [])
         ticks = _ticks(path, number, row[place["time"]])
-        if of and ticks <= of[-1][0]:
+        if device in latest and ticks <= latest[device]:
             raise InputError(path, f"line {number}: time does not rise; sort the rows, and give every time once")
-        of.append((ticks, row[place[kind]].strip()))
+        latest[device], value = ticks, row[place[kind]].strip()
+        if value != (of[-1][1] if of else ""):
+            of.append((ticks, value))
     if not found:
         raise UserError(f"{path}: has no lines below the header")
     return {

@@ -52,7 +52,10 @@ def read_series(path: Path, unit: str) -> Series:
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(path, f"cannot be read ({getattr(error, 'strerror', None) or error})") from None
     delimiter = ";" if ";" in text.partition("\n")[0] else ","
-    rows = [row for row in csv.reader(text.splitlines(), delimiter=delimiter) if row]
+    try:
+        rows = [row for row in csv.reader(text.splitlines(), delimiter=delimiter) if row]
+    except csv.Error as error:
+        raise InputError(path, f"is no table of values ({error})") from None
     if len(rows) < 2 or len(rows[0]) < 2 or rows[0][0].strip().lower() != "time":
         raise InputError(path, "expected a header with the columns time and price, and rows below it")
     start = [_time(path, number, row) for number, row in enumerate(rows[1:], start=2)]

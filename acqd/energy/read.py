@@ -29,6 +29,12 @@ def devices(engine: sa.Engine) -> list[str]:
         return sorted({*stored.devices(connection), *known_rows.devices(connection)})
 
 
+def has_rows(engine: sa.Engine, device: str, begin: int, end: int) -> bool:
+    """Whether a device has rows or roll-ups between two Unix times [s]."""
+    with engine.connect() as connection:
+        return bool(stored.channels(connection, device, begin, end))
+
+
 def read_account(
     engine: sa.Engine, device: str, boundaries: Sequence[int], tariff: Tariff | None, months: Sequence[int] = ()
 ) -> Account:

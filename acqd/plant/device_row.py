@@ -49,18 +49,23 @@ class DeviceRow:
 
 def device_row(
     device: str, account: Account | None, heard: Heard | None, alarms: Sequence[Mapping[str, Any]],
-    found: Mapping[str, Any] | None,
+    found: Mapping[str, Any] | None, earlier: bool = False,
 ) -> DeviceRow:  # fmt: skip
-    """`account`: of 14 days, one period each; None: no rows in that time. `alarms`: of this device and its daemon."""
+    """`account`: of 14 days, one period each; None: no rows in that time. `alarms`: of this device and its daemon.
+
+    `earlier`: whether there are rows before the last complete day, and none on it.
+    """
     days = [] if account is None else account.periods
     usual = [_usual(one) for one in days]
     kWh = _mean([one.kWh for one in usual[7:] if one])
     EUR = _mean([_cost(one) for one in usual[7:] if one])
     state = _state(device, heard)
+    silent = not days or days[-1].known_s == 0
+    earlier = earlier or any(one.known_s > 0 for one in days)
     open_alarms = [each for each in alarms if not each.get("acknowledged_by")]
     changed = found is not None and found["state"] == "changed"
     severity: Severity = (
-        "alarm" if open_alarms else "no rows" if state != "online" and (not days or days[-1].known_s == 0)
+        "alarm" if open_alarms else "no rows" if silent and (earlier or state != "online")
         else "acknowledged" if alarms else "changed" if changed else "unknown" if heard is None else "fine"
     )  # fmt: skip
     named = [str(each.get("text", "")) for each in alarms]

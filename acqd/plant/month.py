@@ -18,7 +18,7 @@ import sqlalchemy as sa
 from acqd.energy.account import Account, Period, sum_of
 from acqd.energy.comparison import Comparison, compare
 from acqd.energy.page import euros, watts
-from acqd.energy.periods import Range, boundaries, current, last_range, parse_moment
+from acqd.energy.periods import Range, boundaries, current, last_range, parse_moment, this_range
 from acqd.energy.read import devices
 from acqd.energy.rules import Rules
 from acqd.energy.tables import standby_share
@@ -36,7 +36,7 @@ _HEAD = ("device", "kWh", "EUR", "share", "month before", "15 min peak", "standb
 
 @dataclass(frozen=True, slots=True)
 class Month:
-    """A month of all devices that have rows in it."""
+    """A month of all devices that have rows in it, or in the month before."""
 
     chosen: Range
     rules: Rules
@@ -49,6 +49,8 @@ class Month:
     changes: dict[str, Mapping[str, Any]]
     """What `acqd fleet` has found, of changes in this month."""
     trouble: str
+    gone: list[str]
+    """Devices with rows in the month before and none in this."""
 
     @property
     def name(self) -> str:
@@ -72,7 +74,10 @@ class Month:
 
 
 def month_range(text: str | None, now: float, zone: ZoneInfo) -> tuple[Range, Range]:
-    """A month like 2026-10, or the last complete one; and the one before. Raises UserError."""
+    """A month like 2026-10, or the last complete one; and the one before, of a running month as much. Raises UserError.
+
+    The running month ends with its last full quarter hour.
+    """
     if text is None:
         return last_range("month", now, zone)
     if not re.fullmatch(r"\d{4}-\d\d", text):
@@ -80,7 +85,9 @@ def month_range(text: str | None, now: float, zone: ZoneInfo) -> tuple[Range, Ra
     chosen = current("month", parse_moment("--month", f"{text}-01", zone), zone)
     if chosen.begin > now:
         raise UserError(f"--month {text!r} has not begun yet")
-    return Range(chosen.begin, min(chosen.end, int(now) // 900 * 900)), current("month", chosen.begin - 3600, zone)
+    if chosen.end > now:
+        return this_range("month", now, zone)
+    return chosen, current("month", chosen.begin - 3600, zone)
 
 
 def read_month(
@@ -89,7 +96,7 @@ def read_month(
 ) -> Month:  # fmt: skip
     """Raises UserError where no device has rows in the month."""
     cuts = boundaries(chosen, "day", rules.zone)
-    accounts, days, before, trouble = [], [], {}, ""
+    accounts, days, before, trouble, gone = [], [], {}, "", []
     names = devices(engine)
     for k, name in enumerate(names):
         progress(f"{name}: energy", k / len(names))
@@ -104,12 +111,14 @@ def read_month(
         if whole.total.known_s > 0:
             accounts.append(whole)
             days.append(by_day)
+        elif name in before:
+            gone.append(name)
     if not accounts:
         shown = f"{datetime.fromtimestamp(chosen.begin, rules.zone):%Y-%m}"
         raise UserError(f"no device has rows in {shown}; choose another --month")
     accounts.sort(key=lambda account: -(account.total.nWh or 0))
     changes = {name: row for name, row in found.items() if chosen.begin <= (row["since_s"] or 0) < chosen.end}
-    return Month(chosen, rules, accounts, days, before, changes, trouble)
+    return Month(chosen, rules, accounts, days, before, changes, trouble, gone)
 
 
 def month_page(month: Month, out: Path) -> Page:
@@ -121,7 +130,9 @@ def month_page(month: Month, out: Path) -> Page:
     page.lines(_days(month), "Energy of all devices by day; interrupted where a device has no row of a day")
     page.heading("Devices")
     total = month.total.kWh
-    page.table(_HEAD, [_cells(month, account, total) for account in month.accounts])
+    length = duration(month.chosen.end - month.chosen.begin)
+    gone = [[name, "-", "-", "-", "no rows since", "-", "-", length] for name in month.gone]
+    page.table(_HEAD, [*(_cells(month, account, total) for account in month.accounts), *gone])
     over = sum(account.between_nWh for account in month.days) / 1e12
     page.text(
         f"Time without rows is shown and never filled; {number(over)} kWh were counted where rows lack, over the end "
@@ -155,9 +166,11 @@ def _verdict(month: Month) -> Verdict:
         figures.append(KeyFigure("standby", percent(share), "of the energy"))
     figures.append(KeyFigure("devices", str(len(month.accounts))))
     missing = sum(account.total.missing_s for account in month.accounts)
-    sentence = f"Rows lack of {counted(len(lacking), 'device')}, for {duration(missing)} in sum." if lacking else (
-        "Rows of the whole month are there.")  # fmt: skip
-    tone: Tone = "open" if lacking else "fine"
+    sentences = [f"Rows lack of {counted(len(lacking), 'device')}, for {duration(missing)} in sum."] if lacking else []
+    if month.gone:
+        sentences.append(f"No row in this month, but in the month before: {', '.join(month.gone)}.")
+    sentence = " ".join(sentences) or "Rows of the whole month are there."
+    tone: Tone = "open" if sentences else "fine"
     return Verdict(tone, figures[0].value, sentence, figures, [], [month.trouble] if month.trouble else [])
 
 

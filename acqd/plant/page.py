@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from datetime import datetime
 from pathlib import Path
 from urllib.parse import quote
@@ -18,6 +19,7 @@ _HEAD = (
     "device", "severity", "state", "cause", "since (UTC)", "kWh a day", "EUR a day", "trend", "without rows",
     "acknowledged by", "report",
 )  # fmt: skip
+_LOOSE = ("alarm", "what", "since (UTC)", "acknowledged by")
 _MOST_STEPS = 3
 
 
@@ -34,6 +36,9 @@ def plant_page(plant: Plant, out: Path) -> Page:
         "before; the line shows both weeks."
     )
     page.table(_HEAD, [cells(row, out) for row in plant.rows], sortable=True)
+    if plant.loose:
+        page.heading("Alarms of no device in the table")
+        page.table(_LOOSE, [_loose(alarm) for alarm in plant.loose])
     tariff = plant.rules.tariff
     page.detail("tariff", tariff.name if tariff is not None else "none: energies have no cost")
     page.detail("zone", plant.rules.zone.key)
@@ -42,8 +47,9 @@ def plant_page(plant: Plant, out: Path) -> Page:
 
 def _verdict(plant: Plant) -> Verdict:
     count = {severity: sum(row.severity == severity for row in plant.rows) for severity in SEVERITIES}
-    bad = count["alarm"] + count["no rows"]
-    tone: Tone = "bad" if bad else "found" if count["changed"] else "open" if count["acknowledged"] else "fine"
+    bad, loose = count["alarm"] + count["no rows"], plant.open_loose
+    known_to_somebody = count["acknowledged"] or plant.loose
+    tone: Tone = "bad" if bad or loose else "found" if count["changed"] else "open" if known_to_somebody else "fine"
     figures = [KeyFigure(severity, str(count[severity])) for severity in SEVERITIES if count[severity]]
     known = [row.kWh for row in plant.rows if row.kWh is not None]
     lacking = len(plant.rows) - len(known)
@@ -58,9 +64,14 @@ def _verdict(plant: Plant) -> Verdict:
         warnings.append("The broker was not asked: states and alarms are unknown.")
     elif plant.heard.alarms is None:
         warnings.append("acqd alarms does not run on this broker: alarms are what the states of daemons say.")
+    away = sorted(name for name, state in plant.heard.sinks.items() if state is None) if plant.heard else []
+    warnings += [f"The sink {name} is offline: it stores no rows." for name in away]
     worst = [row for row in plant.rows if row.severity in ("alarm", "no rows")][:_MOST_STEPS]
     steps = [f"{row.device}: {row.cause or row.severity}" for row in worst]
-    headline = f"{counted(bad, 'device')} without rows or with an open alarm" if bad else "No open alarm"
+    steps += [f"{alarm.get('key', '')}: {alarm.get('text', '')}" for alarm in loose[:_MOST_STEPS]]
+    wrong = [f"{counted(bad, 'device')} without rows or with an open alarm"] if bad else []
+    wrong += [f"{counted(len(loose), 'open alarm')} of no device in the table"] if loose else []
+    headline = ", ".join(wrong) or "No open alarm"
     return Verdict(tone, headline, "", figures, steps, warnings)
 
 
@@ -73,6 +84,11 @@ def cells(row: DeviceRow, out: Path) -> list[object]:
         Spark(trend, row.days, f"kWh of {len(row.days)} days: {days}"), duration(row.missing_s) if row.missing_s >= 60
         else "", row.acknowledged_by, _link(row, out),
     ]  # fmt: skip
+
+
+def _loose(alarm: Mapping[str, object]) -> list[object]:
+    since = str(alarm.get("since", ""))[:16].replace("T", " ")
+    return [str(alarm.get("key", "")), str(alarm.get("text", "")), since, str(alarm.get("acknowledged_by", ""))]
 
 
 def _or_dash(value: float | None, *, cents: bool = False) -> str:

@@ -10,7 +10,7 @@ import sqlalchemy as sa
 
 from acqd.energy.account import Account
 from acqd.energy.periods import days_before
-from acqd.energy.read import devices, read_accounts
+from acqd.energy.read import devices, has_rows, read_accounts
 from acqd.energy.rules import Rules
 from acqd.errors import InputError, UserError
 from acqd.plant.device_row import DAYS, SEVERITIES, DeviceRow, device_row
@@ -31,6 +31,13 @@ class Plant:
     """None: the broker was not asked."""
     trouble: str
     """Why there are no costs although there is a tariff."""
+    loose: list[dict[str, Any]]
+    """Alarms that belong to no row: of budgets, of daemons whose devices are not named, of devices without rows."""
+
+    @property
+    def open_loose(self) -> list[dict[str, Any]]:
+        """Those that nobody has acknowledged."""
+        return [alarm for alarm in self.loose if not alarm.get("acknowledged_by")]
 
     @property
     def simulated(self) -> bool:
@@ -49,16 +56,19 @@ def read_plant(
     names = sorted({*devices(engine), *found})
     if not names:
         raise UserError("the database has no rows of power; `acqd sink` stores them")
-    rows, trouble = [], ""
+    rows, trouble, attached = [], "", set(names)
     for k, name in enumerate(names):
         progress(f"{name}: energy", k / len(names))
         accounts, why = accounts_of(engine, name, [cuts], rules)
         trouble, account = trouble or why, accounts[0] if accounts else None
         daemon = heard.daemon_of(name) if heard is not None else None
-        of_daemon = alarms.get(daemon, []) if daemon not in (None, name) and daemon not in names else []
-        rows.append(device_row(name, account, heard, [*alarms.get(name, []), *of_daemon], found.get(name)))
+        of_daemon = alarms.get(daemon, []) if daemon is not None and daemon not in names else []
+        attached |= {daemon} if daemon is not None else set()
+        earlier = account is None and not has_rows(engine, name, cuts[-2], end) and has_rows(engine, name, 0, end)
+        rows.append(device_row(name, account, heard, [*alarms.get(name, []), *of_daemon], found.get(name), earlier))
     rows.sort(key=lambda row: (SEVERITIES.index(row.severity), -(row.kWh or 0.0), row.device))
-    return Plant(rows, rules, end, heard, trouble)
+    loose = [alarm for key, of_key in alarms.items() if key not in attached for alarm in of_key]
+    return Plant(rows, rules, end, heard, trouble, loose)
 
 
 def accounts_of(
@@ -73,9 +83,9 @@ def accounts_of(
         return [], ""
 
 
-def alarms_by_device(heard: Heard | None) -> dict[str | None, list[dict[str, Any]]]:
+def alarms_by_device(heard: Heard | None) -> dict[str, list[dict[str, Any]]]:
     """Active alarms by the first part of their key; without `acqd alarms`, what the states of daemons say is wrong."""
-    by_device: dict[str | None, list[dict[str, Any]]] = {}
+    by_device: dict[str, list[dict[str, Any]]] = {}
     if heard is None:
         return by_device
     if heard.alarms is None:

@@ -167,7 +167,7 @@ def _read_profile(path: Path, phases: int) -> tuple[Floats, Floats]:
     """Times [rows] and powers [phases, rows] of a load profile. Raises InputError."""
     try:
         rows = list(csv.reader(path.read_text(encoding="utf-8").splitlines()))
-    except (OSError, UnicodeDecodeError) as error:
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise InputError(path, f"load profile cannot be read ({error})") from None
     if not rows or [name.strip() for name in rows[0][:2]] != ["t", "P1"]:
         raise InputError(path, "load profile needs a header t,P1[,P2,P3] (seconds, watts)")

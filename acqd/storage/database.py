@@ -32,6 +32,9 @@ _IMPATIENT = {
     **{"keepalives": 1, "keepalives_idle": 10, "keepalives_interval": 5, "keepalives_count": 3},
     "tcp_user_timeout": 30_000,
 }
+_OTHER_TABLES = ("no such table", "no such column")
+_OTHER_TABLES_STATES = ("42P01", "42703")
+"""Undefined table and column: SQLite says it in words, PostgreSQL by SQLSTATE."""
 _CONVERTED_AT_ONCE = 50_000
 """Rows of an earlier acqd that are moved into the layout of this one while somebody waits; the sink moves the rest."""
 MIGRATIONS = Path(__file__).parent / "migrations"
@@ -102,7 +105,27 @@ def read_database(url: str) -> sa.Engine:
     path = engine.url.database
     if engine.dialect.name == "sqlite" and path and not Path(path).exists():
         raise UserError(f"database {Path(path).absolute()} does not exist; check its path and the folder you are in")
+    sa.event.listen(engine, "handle_error", _named)
     return engine
+
+
+def unanswered(error: BaseException) -> str | None:
+    """Why a database has no answer for a viewer, in one line; None for another error, which is a bug."""
+    if not isinstance(error, sa.exc.DBAPIError):
+        return None
+    reason, state = first_line(error), getattr(error.orig, "sqlstate", None)
+    name = next(iter(getattr(error, "__notes__", ())), "database")
+    if reason.startswith(_OTHER_TABLES) or state in _OTHER_TABLES_STATES:
+        return f"{name}: {reason}; it is no database of this version of acqd; a sink makes and upgrades the tables"
+    if is_outage(error) or isinstance(error, sa.exc.OperationalError):
+        return f"{name}: {reason}; check that it answers, and try again"
+    return f"{name}: {reason}; is it another program's file?" if type(error) is sa.exc.DatabaseError else None
+
+
+def _named(context: sa.engine.ExceptionContext) -> None:
+    """Errors of a viewer's engine name its database."""
+    if context.sqlalchemy_exception is not None and context.engine is not None:
+        context.sqlalchemy_exception.add_note(f"database {shown(context.engine.url)}")
 
 
 @contextmanager

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sqlite3
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import Any
@@ -67,6 +68,8 @@ def _fetched(connection: sa.Connection, query: str, parameters: tuple[int, ...],
         cursor.execute(query, parameters)
         while rows := cursor.fetchmany(_AT_ONCE):
             yield _piece(rows, first)
+    except sqlite3.Error as error:
+        raise sa.exc.OperationalError(query, parameters, error) from error
     finally:
         cursor.close()
 

@@ -9,8 +9,10 @@ from zoneinfo import ZoneInfo
 import pytest
 import sqlalchemy as sa
 
-from acqd.energy.budget import Budgets
+from acqd.energy.budget import Budgets, _earlier
 from acqd.energy.budget_section import Budget
+from acqd.energy.periods import current
+from acqd.energy.read import read_accounts
 from acqd.energy.rules import Rules
 from acqd.energy.tariff import load_tariff
 from acqd.errors import UserError
@@ -73,6 +75,25 @@ def test_a_budget_in_euros_needs_prices_and_uses_them(engine, tmp_path):
     (tmp_path / "t.toml").write_text('price = 0.5\nzone = "Europe/Berlin"\n')
     found = standing(engine, tariff=load_tariff(tmp_path / "t.toml"), per="day", EUR=5.0)
     assert found.state == "exceeded" and found.used == pytest.approx(18, abs=0.1)
+
+
+def test_a_price_of_minutes_is_met_by_minutes(engine, tmp_path, monkeypatch):
+    (tmp_path / "t.toml").write_text(
+        'zone = "Europe/Berlin"\n[[time_of_use]]\nprice = 0.1\nhours = "00:00-06:07"\n'
+        '[[time_of_use]]\nprice = 0.3\nhours = "06:07-24:00"\n'
+    )
+    seen = []
+    monkeypatch.setattr("acqd.energy.budget.read_accounts", lambda *a: seen.append(a[-1]) or read_accounts(*a))
+    for budget in ({"EUR": 500.0}, {"kWh": 500.0}):
+        standing(engine, tariff=load_tariff(tmp_path / "t.toml"), per="week", **budget)
+    assert seen == [60, 900]
+
+
+def test_a_week_earlier_is_the_same_time_of_the_clock():
+    """The clock changes on Sunday, 2026-10-25."""
+    budget, now = Budget(per="day", kWh=1.0), unix("2026-10-29T12:00")
+    rest = _earlier(budget, current("day", now, BERLIN), now, BERLIN)
+    assert (rest.begin, rest.end) == (unix("2026-10-22T12:00"), unix("2026-10-23"))
 
 
 def test_what_cannot_be_known_is_said(engine):

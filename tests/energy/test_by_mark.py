@@ -67,6 +67,10 @@ def test_a_gap_within_a_part_belongs_to_it_and_prices_are_those_of_the_time(work
     (gear,) = device["values"]
     assert gear["nWh"] == device["register_nWh"] and device["over_gaps_nWh"] == 0
     assert gear["EUR"] == pytest.approx(0.1 * 0.899 + 0.3 * 0.9)
+    (tmp_path / "t.toml").write_text((tmp_path / "t.toml").read_text().replace("06:15", "06:11"))
+    ask(works, [(0, "gear")], "--json", "--tariff", tmp_path / "t.toml", "--csv", tmp_path / "p.csv")
+    (line,) = csv.DictReader((tmp_path / "p.csv").read_text().splitlines())
+    assert float(line["unpriced_kWh"]) == pytest.approx(0.101)  # the price changes in the gap
     assert "gear" in ask(works, [(0, "gear")]).stdout
 
 
@@ -75,12 +79,20 @@ def test_a_gap_within_a_part_belongs_to_it_and_prices_are_those_of_the_time(work
     [("time,part\n2026-11-23T06:00,gear\n", "line 2: time '2026-11-23T06:00' has no offset"),
      ("time,what\n", "has no column part"), ("time,part\n", "has no lines"),
      ("time,part\n2026-11-23T06:00Z,a\n2026-11-23T06:00Z,b\n", "line 3: time does not rise"),
-     ("time,part,device\n2026-11-23T06:00Z,a,x\n", "has lines of x")],
+     ("time,part,device\n2026-11-23T06:00Z,a,x\n", "has lines of x"),
+     (f"time,part\n2026-11-23T06:00Z,{'a' * 140_000}\n", "is no table of values")],
 )  # fmt: skip
 def test_marks_that_cannot_be_used_are_one_line(works, tmp_path, text, why):
     (tmp_path / "m.csv").write_text(text)
     words = ("--database", works / "p.sqlite", "--device", "cell1", "--by", "part", "--marks", tmp_path / "m.csv")
     assert why in refused(acqd_here("energy", *words))
+
+
+def test_a_line_that_repeats_the_value_is_no_new_visit(works):
+    marks = [(0, ""), (100, "gear"), (200, "gear"), (690, "gear"), (900, "")]
+    (device,) = json.loads(ask(works, marks, "--json").stdout)["devices"]
+    assert {each["value"]: each["visits"] for each in device["values"]} == {"gear": 1, None: 2}
+    assert device["over_gaps_nWh"] == 0  # the gap lies within the visit
 
 
 def test_by_part_without_marks_says_what_is_needed(works):

@@ -130,6 +130,7 @@ TARIFFS = {
     'zone = "Europe/Atlantis"\nprice = 0.3\n': "Europe/Atlantis",
     '[series]\nfile = "hole.csv"\nunit = "EUR/MWh"\n': "fill the hole",
     '[series]\nfile = "order.csv"\nunit = "EUR/MWh"\n': "does not rise",
+    '[series]\nfile = "wide.csv"\nunit = "EUR/MWh"\n': "is no table of values",
     '[series]\nfile = "naive.csv"\nunit = "EUR/MWh"\n': "no offset",
     '[series]\nfile = "short.csv"\nunit = "EUR/MWh"\n': "no value at",
 }
@@ -152,6 +153,7 @@ def rolled_up(tmp_path_factory):
     series = {
         "hole": ("2026-10-20T00:00Z,1", "2026-10-20T01:00Z,1", "2026-10-20T03:00Z,1"),
         "order": ("2026-10-20T01:00Z,1", "2026-10-20T00:00Z,1"),
+        "wide": ("1" * 140_000,),
         "naive": ("2026-10-20T00:00,1",),
         "short": ("2026-10-19T20:00Z,1", "2026-10-19T21:00Z,1", "2026-10-19T22:00Z,100"),
         "days": [f"{datetime.fromtimestamp(begin + 900 + 3600 * k, UTC).isoformat()},{k}" for k in range(270)],

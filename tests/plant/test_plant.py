@@ -10,10 +10,14 @@ import aiomqtt
 import pytest
 import sqlalchemy as sa
 
+from acqd.energy.rules import Rules
 from acqd.fleet.summary import judged, report_of
 from acqd.plant.heard import Heard
 from acqd.plant.inventory import inventory
-from acqd.storage.database import open_database, transaction
+from acqd.plant.month import month_page, month_range, read_month
+from acqd.plant.page import plant_page
+from acqd.plant.plant import read_plant
+from acqd.storage.database import open_database, read_database, transaction
 from acqd.storage.schema import power_15min
 from tests.browser import chromium, looks, serious_findings
 from tests.commands import acqd_here, refused
@@ -33,12 +37,12 @@ NOW = unix("2026-11-26T12:00")
 
 @pytest.fixture(scope="module")
 def plant(tmp_path_factory):
-    """Four devices from 28 October: 1 kW, of cell-2 2 kW in the last week; cell-3 has a gap, cell-4 ends."""
+    """Four devices from 20 October: 1 kW, of cell-2 2 kW in the last week; cell-3 has a gap, cell-4 ends."""
     folder = tmp_path_factory.mktemp("plant")
     rows = []
     for k in range(1, 5):
         W = 0.0
-        for start in range(unix("2026-10-28"), NOW, 900):
+        for start in range(unix("2026-10-20"), NOW, 900):
             P = 2000.0 if k == 2 and start >= unix("2026-11-19") else 1000.0
             W += P / 4000
             gap = k == 3 and unix("2026-11-20T22:00") <= start < unix("2026-11-21T06:00")
@@ -161,6 +165,93 @@ def test_a_month_is_printed_with_what_is_missing(plant, fleet, ask):
         ("2026-08", "no device"),
     ):
         assert why in refused(ask("month", "--month", month, "--config", plant / "bare.toml"))
+
+
+def plant_heard(plant, now=NOW, **topics):
+    """The plant as of `now`, with these retained messages."""
+    heard = Heard()
+    for topic, payload in topics.items():
+        heard.take("acqd/" + topic.replace("__", "/"), payload)
+    engine = read_database(str(plant / "p.sqlite"))
+    return read_plant(engine, Rules(None, BERLIN), now, heard, {}, lambda *_: None)
+
+
+def test_an_alarm_that_belongs_to_no_row_is_told(plant):
+    alarm = {"text": "the daemon is offline", "since": "2026-11-26T09:30:00.000Z", "acknowledged_by": ""}
+    active = [alarm | {"key": "hall-1/offline"}, alarm | {"key": "all/budget-day-kWh", "acknowledged_by": "Ada"},
+              alarm | {"key": "gone/residual"}, alarm | {"key": "cell-1/residual"}]  # fmt: skip
+    one = [status(f"cell-{k}")[1] for k in range(1, 5)]
+    daemons = {f"cell-{k}__status": payload for k, payload in enumerate(one, 1)}
+    found = plant_heard(plant, **daemons, **{"hall-1__status": b"offline"}, alarms__active=json.dumps(active).encode())
+    assert [each["key"] for each in found.loose] == ["hall-1/offline", "all/budget-day-kWh", "gone/residual"]
+    plant_page(found, plant / "loose.html").write(plant / "loose.html")
+    page = (plant / "loose.html").read_text()
+    assert "2 open alarms of no device in the table" in page and "all/budget-day-kWh" in page
+    without = plant_heard(plant, unix("2026-11-09T12:00"), **daemons, **{"hall-1__status": b"offline"})
+    assert [each["key"] for each in without.loose] == ["hall-1/offline"]  # acqd alarms does not run
+    plant_page(without, plant / "loose.html").write(plant / "loose.html")
+    page = (plant / "loose.html").read_text()
+    assert "1 open alarm of no device in the table" in page and "No open alarm" not in page
+
+
+@pytest.mark.parametrize("days", [1, 3, 20])
+def test_an_online_device_whose_rows_have_ended_is_not_fine(plant, days):
+    daemons = {f"cell-{k}__status": status(f"cell-{k}")[1] for k in range(1, 5)}
+    now = NOW + days * 86_400
+    found = plant_heard(plant, now, **daemons, sink__s1__status=b"offline", alarms__active=b"[]")
+    expected = {"cell-1": "fine", "cell-4": "no rows"} if days == 1 else {"cell-1": "no rows", "cell-4": "no rows"}
+    assert {row.device: row.severity for row in found.rows}.items() >= expected.items()
+    plant_page(found, plant / "ended.html").write(plant / "ended.html")
+    assert "The sink s1 is offline" in (plant / "ended.html").read_text()
+    before = plant_heard(plant, unix("2026-10-20T12:00"), **daemons, alarms__active=b"[]")
+    assert {row.severity for row in before.rows} == {"fine"}  # the first day is not over
+
+
+def quarters(path, *of):
+    """Quarter hours of 1 kW: device, begin, end."""
+    engine = open_database(str(path))
+    rows = [{"device": name, "channel": "total", "start": start, "rows": 22_500, "P": 1000.0, "P_min": 1000.0,
+             "P_max": 1000.0, "W": (start - unix("2026-08-01")) / 3600, "flagged": 0}
+            for name, begin, end in of for start in range(unix(begin), unix(end), 900)]  # fmt: skip
+    with transaction(engine) as connection:
+        connection.execute(sa.insert(power_15min), rows)
+    return engine
+
+
+def test_a_device_without_a_row_in_the_month_is_named(tmp_path):
+    engine = quarters(tmp_path / "p.sqlite", ("press-1", "2026-09-01", "2026-11-01"),
+                      ("press-3", "2026-09-01", "2026-09-05"))  # fmt: skip
+    found = read_month(engine, Rules(None, BERLIN), *month_range("2026-10", NOW, BERLIN), {}, lambda *_: None)
+    assert found.gone == ["press-3"] and [one.device for one in found.accounts] == ["press-1"]
+    month_page(found, tmp_path / "m.html").write(tmp_path / "m.html")
+    page = (tmp_path / "m.html").read_text()
+    assert "No row in this month, but in the month before: press-3." in page and "whole month are there" not in page
+    assert "press-3" in page.split("Devices</h2>")[1].split("</table>")[0]
+
+
+def test_a_cost_of_which_a_part_is_unknown_is_a_lower_bound(tmp_path):
+    """The series ends on 3 October; press-2 goes on, press-1 does not."""
+    quarters(tmp_path / "p.sqlite", ("press-1", "2026-10-01", "2026-10-03"), ("press-2", "2026-10-01", "2026-10-05"))
+    (tmp_path / "prices.csv").write_text(
+        "time,price\n" + "".join(f"2026-10-0{k // 24 + 1}T{k % 24:02d}:00+02:00,500\n" for k in range(48))
+    )
+    (tmp_path / "t.toml").write_text('zone = "Europe/Berlin"\n[series]\nfile = "prices.csv"\nunit = "EUR/MWh"\n')
+    (tmp_path / "acqd.toml").write_text('[sink]\ndatabase = "p.sqlite"\n[energy]\ntariff = "t.toml"\n')
+    asked = ("plant", "month", "--month", "2026-10", "--out", tmp_path / "m.html", "--config", tmp_path / "acqd.toml")
+    found = json.loads(acqd_here(*asked, "--json", cwd=tmp_path).stdout)
+    assert found["kWh"] == pytest.approx(48 + 96, abs=0.5) and found["EUR"] == pytest.approx(24, abs=0.3)
+    assert found["unpriced_kWh"] == pytest.approx(96, abs=0.5) and "no value at" in found["trouble"]
+    shown = acqd_here(*asked, cwd=tmp_path).stdout
+    assert ">= 23." in shown and "note: " in shown and "no value at" in shown
+
+
+def test_a_running_month_is_compared_with_as_much_of_the_month_before():
+    chosen, earlier = month_range("2026-11", NOW, BERLIN)
+    assert (chosen.begin, chosen.end) == (unix("2026-11-01"), NOW)
+    assert (earlier.begin, earlier.end) == (unix("2026-10-01"), unix("2026-10-26T12:00"))
+    chosen, _ = month_range("2026-11", unix("2026-11-01") + 60, BERLIN)
+    assert chosen.end == unix("2026-11-01T00:15")  # its first quarter hour is no error of --from and --to
+    assert month_range("2026-10", NOW, BERLIN)[1].end == unix("2026-10-01")
 
 
 def test_an_inventory_names_what_is_offline_or_old(plant, ask, mosquitto):

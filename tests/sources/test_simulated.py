@@ -47,7 +47,9 @@ def test_simulation_keeps_what_its_settings_promise(tmp_path):
 
 def test_bad_load_profile_is_named(tmp_path):
     path = tmp_path / "p.csv"
-    for text, complaint in (("a,b\n", "header"), ("t,P1\n0,x\n", "row 2"), ("t,P1\n0,1\n0,1\n", "rising")):
+    for text, complaint in (
+        ("a,b\n", "header"), ("t,P1\n0,x\n", "row 2"), ("t,P1\n0,1\n0,1\n", "rising"), ("1" * 140_000, "field larger"),
+    ):  # fmt: skip
         path.write_text(text)
         with pytest.raises(InputError, match=complaint):
             SimulatedSource(SimulationSettings(load_profile=path))

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from acqd.energy.by_mark import ByMark
 
 Span = tuple[str | None, str | None, str | None, str | None]
-_HEADER = ("device", "channel", "value", "visits", "seconds", "missing_s", "kWh", "EUR")
+_HEADER = ("device", "channel", "value", "visits", "seconds", "missing_s", "kWh", "EUR", "unpriced_kWh")
 
 
 def marked(
@@ -86,10 +86,10 @@ def _csv(found: Sequence[ByMark]) -> str:
             cost = "" if each.cost is None else f"{float(each.cost):.6f}"
             missing = round(max(each.seconds - each.known_s, 0.0), 3)
             out.writerow([one.device, one.channel, each.name, each.visits, round(each.seconds, 3), missing,
-                          exact_kwh(each.nWh), cost])  # fmt: skip
+                          exact_kwh(each.nWh), cost, exact_kwh(each.unpriced_nWh)])  # fmt: skip
         for name, nWh in (("over gaps", one.between_nWh), ("register set", one.jumps_nWh)):
             if nWh:
-                out.writerow([one.device, one.channel, name, "", "", "", exact_kwh(nWh), ""])
+                out.writerow([one.device, one.channel, name, "", "", "", exact_kwh(nWh), "", ""])
     return text.getvalue()
 
 

@@ -6,6 +6,7 @@ one separator and one decimal sign. What stands above are names, units and a pre
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import re
 from dataclasses import dataclass, field
@@ -57,7 +58,10 @@ def split_row(line: str, separator: str) -> list[str]:
     """Fields of a line, without quotes and spaces."""
     if separator == " ":
         return line.replace('"', "").split()
-    fields = next(csv.reader([line.rstrip("\r\n")], delimiter=separator), []) if '"' in line else line.split(separator)
+    fields = line.split(separator)
+    if '"' in line:
+        with contextlib.suppress(csv.Error):  # a field longer than csv reads
+            fields = next(csv.reader([line.rstrip("\r\n")], delimiter=separator), [])
     return [one.strip().strip('"').strip() for one in fields]
 
 

@@ -10,9 +10,13 @@ import pytest
 from acqd.errors import InputError, UserError
 from acqd.metering import Meter, SampleBlock, StreamFormat
 from acqd.sources import ChannelMap, load_waveform
-from acqd.sources.text.table import is_number
+from acqd.sources.text.table import is_number, split_row
 from tests.mains import make_mains
 from tests.sources.files import write_csv
+
+
+def test_a_row_with_a_field_that_is_longer_than_csv_reads_is_split():
+    assert [len(field) for field in split_row(f'1,"{"a" * 140_000}"', ",")] == [1, 140_000]
 
 
 def test_csv_gives_the_values_it_holds(tmp_path):
