@@ -58,11 +58,12 @@ def page_command(
         plant = read_plant(engine, rules_of(settings.energy), time.time(), heard, _found(fleet), show)
     plant_page(plant, out).write(out)
     if json:
-        print(orjson.dumps({"page": str(out), "devices": [row.as_json() for row in plant.rows]}).decode())
+        about = {"devices": [row.as_json() for row in plant.rows], "alarms": plant.elsewhere}
+        print(orjson.dumps({"page": str(out), **about}).decode())
     else:
-        print(
-            f"{counted(len(plant.rows), 'device')}, {sum(row.severity != 'fine' for row in plant.rows)} not fine: {out}"
-        )
+        others = f", {counted(len(plant.elsewhere), 'alarm')} of none of them" if plant.elsewhere else ""
+        bad = sum(row.severity != "fine" for row in plant.rows)
+        print(f"{counted(len(plant.rows), 'device')}, {bad} not fine{others}: {out}")
 
 
 @app.command("month")
