@@ -58,12 +58,11 @@ def page_command(
         plant = read_plant(engine, rules_of(settings.energy), time.time(), heard, _found(fleet), show)
     plant_page(plant, out).write(out)
     if json:
-        about = {"devices": [row.as_json() for row in plant.rows], "alarms": plant.elsewhere}
-        print(orjson.dumps({"page": str(out), **about}).decode())
+        print(orjson.dumps({"page": str(out), "devices": [row.as_json() for row in plant.rows]}).decode())
     else:
-        others = f", {counted(len(plant.elsewhere), 'alarm')} of none of them" if plant.elsewhere else ""
-        bad = sum(row.severity != "fine" for row in plant.rows)
-        print(f"{counted(len(plant.rows), 'device')}, {bad} not fine{others}: {out}")
+        print(
+            f"{counted(len(plant.rows), 'device')}, {sum(row.severity != 'fine' for row in plant.rows)} not fine: {out}"
+        )
 
 
 @app.command("month")

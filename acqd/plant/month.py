@@ -51,11 +51,6 @@ class Month:
     trouble: str
 
     @property
-    def without_rows(self) -> list[str]:
-        """Devices with rows of the month before, and none of this one."""
-        return sorted(self.before.keys() - {account.device for account in self.accounts})
-
-    @property
     def name(self) -> str:
         """As 2026-10."""
         return f"{datetime.fromtimestamp(self.chosen.begin, self.rules.zone):%Y-%m}"
@@ -162,12 +157,8 @@ def _verdict(month: Month) -> Verdict:
     missing = sum(account.total.missing_s for account in month.accounts)
     sentence = f"Rows lack of {counted(len(lacking), 'device')}, for {duration(missing)} in sum." if lacking else (
         "Rows of the whole month are there.")  # fmt: skip
-    warnings = [month.trouble] if month.trouble else []
-    if silent := month.without_rows:
-        sentence = f"No rows of {', '.join(silent)}. {sentence if lacking else ''}".strip()
-        warnings.append(f"{', '.join(silent)}: rows of the month before, none of this one; the sums lack their energy.")
-    tone: Tone = "open" if lacking or silent else "fine"
-    return Verdict(tone, figures[0].value, sentence, figures, [], warnings)
+    tone: Tone = "open" if lacking else "fine"
+    return Verdict(tone, figures[0].value, sentence, figures, [], [month.trouble] if month.trouble else [])
 
 
 def _against(month: Month) -> str:

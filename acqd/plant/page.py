@@ -34,11 +34,6 @@ def plant_page(plant: Plant, out: Path) -> Page:
         "before; the line shows both weeks."
     )
     page.table(_HEAD, [cells(row, out) for row in plant.rows], sortable=True)
-    if plant.elsewhere:
-        page.heading("Alarms of no device in this table")
-        page.table(("alarm", "what", "since (UTC)", "acknowledged by"), [
-            [str(one.get(name, "")) for name in ("key", "text", "since", "acknowledged_by")] for one in plant.elsewhere
-        ])  # fmt: skip
     tariff = plant.rules.tariff
     page.detail("tariff", tariff.name if tariff is not None else "none: energies have no cost")
     page.detail("zone", plant.rules.zone.key)
@@ -48,9 +43,7 @@ def plant_page(plant: Plant, out: Path) -> Page:
 def _verdict(plant: Plant) -> Verdict:
     count = {severity: sum(row.severity == severity for row in plant.rows) for severity in SEVERITIES}
     bad = count["alarm"] + count["no rows"]
-    others = [one for one in plant.elsewhere if not one.get("acknowledged_by")]
-    acknowledged = count["acknowledged"] + len(plant.elsewhere) - len(others)
-    tone: Tone = "bad" if bad or others else "found" if count["changed"] else "open" if acknowledged else "fine"
+    tone: Tone = "bad" if bad else "found" if count["changed"] else "open" if count["acknowledged"] else "fine"
     figures = [KeyFigure(severity, str(count[severity])) for severity in SEVERITIES if count[severity]]
     known = [row.kWh for row in plant.rows if row.kWh is not None]
     lacking = len(plant.rows) - len(known)
@@ -67,10 +60,8 @@ def _verdict(plant: Plant) -> Verdict:
         warnings.append("acqd alarms does not run on this broker: alarms are what the states of daemons say.")
     worst = [row for row in plant.rows if row.severity in ("alarm", "no rows")][:_MOST_STEPS]
     steps = [f"{row.device}: {row.cause or row.severity}" for row in worst]
-    steps += [f"{one.get('key', '')}: {one.get('text', '')}" for one in others[:_MOST_STEPS]]
-    headlines = [f"{counted(bad, 'device')} without rows or with an open alarm"] if bad else []
-    headlines += [f"{counted(len(others), 'open alarm')} of no device in the table"] if others else []
-    return Verdict(tone, "; ".join(headlines) or "No open alarm", "", figures, steps, warnings)
+    headline = f"{counted(bad, 'device')} without rows or with an open alarm" if bad else "No open alarm"
+    return Verdict(tone, headline, "", figures, steps, warnings)
 
 
 def cells(row: DeviceRow, out: Path) -> list[object]:

@@ -12,7 +12,7 @@ from acqd.energy.account import Account
 from acqd.energy.periods import days_before
 from acqd.energy.read import devices, read_accounts
 from acqd.energy.rules import Rules
-from acqd.errors import UserError
+from acqd.errors import InputError, UserError
 from acqd.plant.device_row import DAYS, SEVERITIES, DeviceRow, device_row
 from acqd.plant.heard import Heard
 
@@ -31,8 +31,6 @@ class Plant:
     """None: the broker was not asked."""
     trouble: str
     """Why there are no costs although there is a tariff."""
-    elsewhere: list[dict[str, Any]]
-    """Alarms that belong to no row: of all devices together, of a daemon or device without rows in the database."""
 
     @property
     def simulated(self) -> bool:
@@ -51,34 +49,33 @@ def read_plant(
     names = sorted({*devices(engine), *found})
     if not names:
         raise UserError("the database has no rows of power; `acqd sink` stores them")
-    rows, trouble, shown = [], "", set(names)
+    rows, trouble = [], ""
     for k, name in enumerate(names):
         progress(f"{name}: energy", k / len(names))
         accounts, why = accounts_of(engine, name, [cuts], rules)
         trouble, account = trouble or why, accounts[0] if accounts else None
         daemon = heard.daemon_of(name) if heard is not None else None
-        of_daemon = alarms.get(daemon, []) if daemon is not None and daemon not in names else []
-        shown |= {daemon} if daemon is not None else set()
+        of_daemon = alarms.get(daemon, []) if daemon not in (None, name) and daemon not in names else []
         rows.append(device_row(name, account, heard, [*alarms.get(name, []), *of_daemon], found.get(name)))
     rows.sort(key=lambda row: (SEVERITIES.index(row.severity), -(row.kWh or 0.0), row.device))
-    elsewhere = [alarm for key, some in sorted(alarms.items()) if key not in shown for alarm in some]
-    return Plant(rows, rules, end, heard, trouble, elsewhere)
+    return Plant(rows, rules, end, heard, trouble)
 
 
 def accounts_of(
     engine: sa.Engine, device: str, spans: Sequence[Sequence[int]], rules: Rules
 ) -> tuple[list[Account], str]:
-    """Accounts between boundaries, empty without rows; and why the first has no costs although there is a tariff."""
+    """Accounts between boundaries, empty without rows; and why they have no costs although there is a tariff."""
     try:
-        accounts = read_accounts(engine, device, spans, rules.tariff)
+        return read_accounts(engine, device, spans, rules.tariff), ""
+    except InputError as error:
+        return read_accounts(engine, device, spans, None), str(error)
     except UserError:
         return [], ""
-    return accounts, accounts[0].trouble
 
 
-def alarms_by_device(heard: Heard | None) -> dict[str, list[dict[str, Any]]]:
+def alarms_by_device(heard: Heard | None) -> dict[str | None, list[dict[str, Any]]]:
     """Active alarms by the first part of their key; without `acqd alarms`, what the states of daemons say is wrong."""
-    by_device: dict[str, list[dict[str, Any]]] = {}
+    by_device: dict[str | None, list[dict[str, Any]]] = {}
     if heard is None:
         return by_device
     if heard.alarms is None:

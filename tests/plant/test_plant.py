@@ -10,14 +10,9 @@ import aiomqtt
 import pytest
 import sqlalchemy as sa
 
-from acqd.energy.periods import Range
-from acqd.energy.rules import Rules
-from acqd.energy.running import RunningEnergy
-from acqd.energy.tariff import load_tariff
 from acqd.fleet.summary import judged, report_of
 from acqd.plant.heard import Heard
 from acqd.plant.inventory import inventory
-from acqd.plant.month import month_page, read_month
 from acqd.storage.database import open_database, transaction
 from acqd.storage.schema import power_15min
 from tests.browser import chromium, looks, serious_findings
@@ -166,44 +161,6 @@ def test_a_month_is_printed_with_what_is_missing(plant, fleet, ask):
         ("2026-08", "no device"),
     ):
         assert why in refused(ask("month", "--month", month, "--config", plant / "bare.toml"))
-
-
-def test_alarms_of_no_device_in_the_table_are_shown(plant, ask, monkeypatch):
-    """A daemon that was offline before anybody heard of its meters, and a budget of all devices."""
-    heard = Heard()
-    heard.take("acqd/hall-1/status", b"offline")
-    alarms = [{"key": "hall-1/offline", "text": "hall-1: offline"},
-              {"key": "all/budget-day-kWh", "text": "the budget is exceeded", "acknowledged_by": "Ada"}]  # fmt: skip
-    heard.take("acqd/alarms/active", json.dumps(alarms).encode())
-    monkeypatch.setattr("acqd.cli.plant._listen", lambda _: heard)
-    done = ask("page", "--config", plant / "acqd.toml", "--out", plant / "others.html")
-    assert [one["key"] for one in json.loads(done.stdout)["alarms"]] == ["all/budget-day-kWh", "hall-1/offline"]
-    page = (plant / "others.html").read_text()
-    assert "1 open alarm of no device in the table" in page and "hall-1/offline: hall-1: offline" in page
-    assert page.count("the budget is exceeded") == 1 and "No open alarm" not in page
-    shown = acqd_here("plant", "page", "--out", plant / "others.html", cwd=plant).stdout
-    assert "2 alarms of none of them" in shown
-
-
-def test_a_month_without_prices_before_keeps_its_costs_and_names_devices_that_are_gone(plant, ask):
-    """Prices from 11 November on; cell-4 has its last rows on the 9th."""
-    hours = range(unix("2026-11-11"), NOW, 3600)
-    lines = "".join(f"{datetime.fromtimestamp(at, BERLIN).isoformat()},0.5\n" for at in hours)
-    (plant / "hours.csv").write_text(f"time,price\n{lines}")
-    (plant / "spot.toml").write_text('zone = "Europe/Berlin"\n[series]\nfile = "hours.csv"\nunit = "EUR/kWh"\n')
-    engine = open_database(str(plant / "p.sqlite"))
-    rules = Rules(load_tariff(plant / "spot.toml"), BERLIN)
-    whole, before = Range(unix("2026-11-12"), unix("2026-11-26")), Range(unix("2026-11-01"), unix("2026-11-12"))
-    month = read_month(engine, rules, whole, before, {}, lambda *_: None)
-    assert month.trouble == "" and month.total.cost is not None and set(month.before) > {"cell-4"}
-    assert month.without_rows == ["cell-4"]
-    page = month_page(month, plant / "x.html")
-    page.write(plant / "x.html")
-    text = (plant / "x.html").read_text()
-    assert "No rows of cell-4." in text and "Rows of the whole month are there" not in text
-    running = RunningEnergy(rules, lambda: unix("2026-11-12T12:00")).of(engine, "cell-1")
-    assert running.today.cost is not None and running.yesterday.cost is not None and running.week.cost is None
-    assert "no value at 2026-11-0" in running.trouble and running.price is not None
 
 
 def test_an_inventory_names_what_is_offline_or_old(plant, ask, mosquitto):
