@@ -59,7 +59,10 @@ def _watched_budgets(settings: Config) -> Regularly[list[Standing]] | None:
     from acqd.integrations.regularly import Regularly
 
     budgets = Budgets(settings.table(AlarmsSection).budgets, rules_of(settings.energy))
-    return Regularly(settings.sink.database, lambda engine: budgets.standings(engine, time.time()), _BUDGETS_S)
+    return Regularly(
+        settings.sink.database, lambda engine: budgets.standings(engine, time.time()), _BUDGETS_S,
+        lambda why: budgets.unknown(why, time.time()),
+    )  # fmt: skip
 
 
 @app.command("budgets")

@@ -108,14 +108,14 @@ def sink(
         _report(worker, json)
 
 
-def _costs(settings: Config) -> Callable[[sa.Engine], object]:
-    """Keeps the costs of quarter hours, where there is a tariff. Raises UserError."""
+def _costs(settings: Config) -> Callable[[sa.Engine], int]:
+    """Keeps the costs of quarter hours, where there is a tariff. What is wrong with its file does not stop the sink."""
     if settings.energy.tariff is None:
-        return lambda _: None
+        return lambda _: 0
     from acqd.energy.quarters import Quarters
-    from acqd.energy.rules import rules_of
+    from acqd.energy.tariff import load_tariff
 
-    return Quarters(rules_of(settings.energy)).update
+    return Quarters(partial(load_tariff, settings.energy.tariff, settings.energy.zone)).update
 
 
 def _advance(shown: Progress, bar: TaskID, done: float) -> None:

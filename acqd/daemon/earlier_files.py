@@ -41,9 +41,16 @@ def with_tariff(data: dict[str, Any], path: Path) -> tuple[dict[str, Any], list[
     web, energy = data.get("web"), data.get("energy", {})
     if not isinstance(web, dict) or "tariff" not in web or not isinstance(energy, dict):
         return data, []
-    tariff = web["tariff"]
-    if energy.get("tariff", tariff) != tariff:
+    if energy.get("tariff", web["tariff"]) != web["tariff"]:
         raise InputError(path, "web.tariff and energy.tariff name different files; delete web.tariff")
     kept = {key: value for key, value in web.items() if key != "tariff"}
     note = "web.tariff holds for all costs; acqd config upgrade moves it to [energy]"
-    return {**data, "web": kept, "energy": {**energy, "tariff": tariff}}, [note]
+    return {**data, "web": kept, "energy": {"tariff": place_of_tariff(web["tariff"], path), **energy}}, [note]
+
+
+def place_of_tariff(tariff: Any, path: Path) -> Any:
+    """`web.tariff` for `energy.tariff`: relative to the file, where it was relative to the working folder."""
+    if not isinstance(tariff, str) or Path(tariff).is_absolute() or (path.parent / tariff).exists():
+        return tariff
+    found = Path(tariff).absolute()
+    return str(found) if found.exists() else tariff

@@ -88,6 +88,8 @@ class Account:
     remarks: list[str] = field(default_factory=list)
     simulated: bool = False
     """By the flag of the newest row; False where no rows are kept."""
+    trouble: str = ""
+    """Why there are no costs although there is a tariff."""
 
 
 def account_of(
@@ -138,7 +140,7 @@ class _Priced:
     """Cost and CO2 of stretches; import and export of a quarter hour are netted, as the register nets them."""
 
     def __init__(self, stretches: Stretches, tariff: Tariff | None, since: int) -> None:
-        within = stretches.kind == Kind.KNOWN
+        within = (stretches.kind == Kind.KNOWN) & (stretches.start >= since)
         moments = stretches.start[within]
         prices = None if tariff is None or not len(moments) else tariff.prices(moments)
         factors = None if tariff is None or not len(moments) else tariff.emissions(moments)

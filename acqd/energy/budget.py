@@ -15,12 +15,12 @@ from zoneinfo import ZoneInfo
 
 import sqlalchemy as sa
 
-from acqd.energy.account import Period, sum_of
+from acqd.energy.account import Account, Period, sum_of
 from acqd.energy.budget_section import Budget
 from acqd.energy.periods import Range, current, days_before
 from acqd.energy.read import devices, read_accounts
 from acqd.energy.rules import Rules
-from acqd.errors import InputError, UserError
+from acqd.errors import UserError
 from acqd.report.digits import duration, number, percent
 from acqd.storage.buckets import Kept
 
@@ -73,6 +73,14 @@ class Budgets:
         self._reader.forget_at(now)
         return [self._standing(engine, budget, now) for budget in self._budgets]
 
+    def unknown(self, why: str, now: float) -> list[Standing]:
+        """One per budget, where the database does not answer."""
+        return [self._unknown(budget, why, now) for budget in self._budgets]
+
+    def _unknown(self, budget: Budget, why: str, now: float) -> Standing:
+        begin = current(budget.per, now, self._rules.zone).begin
+        return Standing(budget, begin, "unknown", None, None, f"{_name(budget)} cannot be watched: {why}")
+
     def _standing(self, engine: sa.Engine, budget: Budget, now: float) -> Standing:
         zone = self._rules.zone
         whole = current(budget.per, now, zone)
@@ -83,14 +91,12 @@ class Budgets:
         rest = _earlier(budget, whole, until, zone)
         spans = [Range(whole.begin, until), rest]
         try:
-            used, before = self._reader.periods(engine, budget.device, spans, step)
+            used, before = self._reader.periods(engine, budget, spans, step)
         except UserError as error:
-            text = f"{_name(budget)} cannot be watched: {error}"
-            return Standing(budget, whole.begin, "unknown", None, None, text)
+            return self._unknown(budget, str(error), now)
         value = _of(budget, used)
         if value is None:
-            text = f"{_name(budget)} cannot be watched: nothing is known of this {budget.per} yet"
-            return Standing(budget, whole.begin, "unknown", None, None, text)
+            return self._unknown(budget, f"nothing is known of this {budget.per} yet", now)
         forecast, basis = _forecast(budget, value, used, before, whole, until, rest, zone)
         state: State = (
             "exceeded" if value > budget.limit
@@ -166,26 +172,29 @@ class _Reader:
             self.since = now
             self.kept.clear()
 
-    def periods(
-        self, engine: sa.Engine, device: str | None, spans: Sequence[Range], seconds: int
-    ) -> list[Period | None]:
-        """The total of each span, or None. Raises UserError where no device has rows, or a price is unknown."""
+    def periods(self, engine: sa.Engine, budget: Budget, spans: Sequence[Range], seconds: int) -> list[Period | None]:
+        """The total of each span, or None; a span without prices for all of its time is None, too.
+
+        Raises UserError where no device has rows, or the first span lacks a price.
+        """
+        device, tariff = budget.device, self.rules.tariff if budget.unit == "EUR" else None
         some = [span for span in spans if span.end > span.begin]
-        found: list[list[Period]] = []
+        found: list[list[Account]] = []
         trouble = "the database has no rows of power"
         for name in devices(engine) if device is None else [device]:
             kept = self.kept.setdefault((name, seconds), Kept())
             try:
-                accounts = read_accounts(
-                    engine, name, [(span.begin, span.end) for span in some], self.rules.tariff, kept, seconds
-                )
-            except InputError:
-                raise
+                accounts = read_accounts(engine, name, [(span.begin, span.end) for span in some], tariff, kept, seconds)
             except UserError as error:  # of one that has been taken away, there are no rows
                 trouble = str(error)
                 continue
-            found.append([account.total for account in accounts])
+            found.append(accounts)
         if not found:
             raise UserError(trouble)
-        totals = {span: sum_of(each) for span, each in zip(some, zip(*found, strict=True), strict=True)}
+        totals = {}
+        for span, of_devices in zip(some, zip(*found, strict=True), strict=True):
+            unpriced = next((account.trouble for account in of_devices if account.trouble), "")
+            if unpriced and span == spans[0]:
+                raise UserError(unpriced)
+            totals[span] = None if unpriced else sum_of([account.total for account in of_devices])
         return [totals.get(span) for span in spans]

@@ -12,7 +12,7 @@ import sqlalchemy as sa
 from acqd.energy.account import Account, account_of
 from acqd.energy.stretches import stretches_of
 from acqd.energy.tariff import Tariff
-from acqd.errors import UserError
+from acqd.errors import InputError, UserError
 from acqd.storage import buckets as stored
 from acqd.storage import known_rows
 from acqd.storage.buckets import Buckets, Kept
@@ -53,6 +53,7 @@ def read_accounts(
 ) -> list[Account]:  # fmt: skip
     """Accounts between several boundaries, Unix times [s], from one reading of buckets of 60 or 900 `seconds`.
 
+    Each is priced by itself: where a series lacks a price for some of its time, it has no cost, and `trouble` says why.
     Raises UserError where the device has no rows.
     """
     begin, end = min(span[0] for span in spans), max(span[-1] for span in spans)
@@ -60,7 +61,7 @@ def read_accounts(
         readings = _Readings(
             connection, device, begin, end, seconds or resolution([begin, *chain(*spans), end], tariff), kept
         )
-        return [readings.account(span, tariff) for span in spans]
+        return [readings.priced(span, tariff) for span in spans]
 
 
 class _Readings:
@@ -86,6 +87,13 @@ class _Readings:
             self._device, self._channel, buckets, before, stretches, self._interval, boundaries, tariff, months
         )
         return replace(account, remarks=_remarks(account, buckets, self._interval), simulated=self._simulated)
+
+    def priced(self, boundaries: Sequence[int], tariff: Tariff | None) -> Account:
+        """Without costs where a price is unknown: a series that has ended says nothing about the energy."""
+        try:
+            return self.account(boundaries, tariff)
+        except InputError as error:
+            return replace(self.account(boundaries, None), trouble=str(error))
 
     def _between(self, begin: int, end: int) -> tuple[Buckets, int]:
         """Buckets between two Unix times [s] and the newest before with a reading, and how many lie before: 0 or 1."""

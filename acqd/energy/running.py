@@ -112,13 +112,11 @@ class RunningEnergy:
             self._kept.clear()
         kept = self._kept.setdefault(device, Kept())
         price, trouble = self._price(now)
-        tariff = self.rules.tariff
-        try:
-            accounts = _accounts(engine, device, self._spans(now), tariff, kept)
-        except InputError as error:  # a series of prices that has ended says nothing about the energy
-            accounts, trouble = _accounts(engine, device, self._spans(now), None, kept), str(error)
+        accounts = _accounts(engine, device, self._spans(now), self.rules.tariff, kept)
+        # Last week is only compared, in kWh: a price that is missing there is no trouble.
+        trouble = next((one.trouble for one in accounts[:3] if one is not None and one.trouble), trouble)
         if trouble:
-            self._log.trouble("tariff", trouble, f"{trouble}; energies have no cost until then")
+            self._log.trouble("tariff", trouble, f"{trouble}; energies of that time have no cost")
         else:
             self._log.fine("tariff", "has prices again")
         today, yesterday, week, last = (None if account is None else account.total for account in accounts)
@@ -150,8 +148,6 @@ def _accounts(
     some = [span for span in spans if span.end > span.begin]
     try:
         accounts = read_accounts(engine, device, [(span.begin, span.end) for span in some], tariff, kept, _MINUTE_S)
-    except InputError:
-        raise
     except UserError:  # no rows since then
         return [None] * len(spans)
     by_span = dict(zip(some, accounts, strict=True))

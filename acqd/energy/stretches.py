@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
+from itertools import pairwise
 
 import numpy as np
 
@@ -50,7 +51,7 @@ class Stretches:
     """[n] int64 Unix s of the bucket."""
     end: np.ndarray
     nWh: np.ndarray
-    """[n] int64."""
+    """[n] int64; of Python's integers where a step of the register is larger than that."""
     kind: np.ndarray
     """[n] of Kind."""
 
@@ -82,7 +83,7 @@ def stretches_of(
     if not len(known):
         return Stretches(*(np.zeros(0, dtype=np.int64) for _ in range(5)))
     start, end = buckets.start[known], buckets.start[known] + buckets.seconds[known]
-    energy = np.diff(np.array([reading - readings[0] for reading in readings], dtype=np.int64))
+    energy = _integers([later - earlier for earlier, later in pairwise(readings)])
     rules = _Rules(buckets, interval_s, np.asarray(boundaries))
     adjacent = end[:-1] == start[1:]
     columns = end[:-1], start[1:], end[1:], energy, rules.kinds(known[1:], start[1:], end[1:], energy)
@@ -100,10 +101,16 @@ def stretches_of(
             continue
         over, rest = first - readings[k - 1], readings[k] - first
         cut.append((begin, at, at, over, rules.kind_of_gap(begin, at, over)))
-        own = rules.kinds(known[k : k + 1], start[k : k + 1], end[k : k + 1], np.array([rest]))
+        own = rules.kinds(known[k : k + 1], start[k : k + 1], end[k : k + 1], _integers([rest]))
         cut.append((at, at, until, rest, int(own[0])))
-    table = np.array(sorted(cut), dtype=np.int64).reshape(-1, 5)
-    return Stretches(*table.T)
+    begins, starts, ends, energies, kinds = zip(*sorted(cut), strict=True) if cut else ((),) * 5
+    begin_s, start_s, end_s, kind_of = (np.array(each, dtype=np.int64) for each in (begins, starts, ends, kinds))
+    return Stretches(begin_s, start_s, end_s, _integers(energies), kind_of)
+
+
+def _integers(values: Sequence[int]) -> np.ndarray:
+    """As int64 where all of them together fit; exact anyway."""
+    return np.array(values, dtype=np.int64 if sum(map(abs, values)) < 2**63 else object)
 
 
 def _first(first_reading: FirstReading, begin: int, end: int) -> int | None:

@@ -17,7 +17,7 @@ from tomlkit.items import Table
 
 from acqd.daemon.config import parsed_config, read_toml
 from acqd.daemon.config_values import differences
-from acqd.daemon.earlier_files import without_effect
+from acqd.daemon.earlier_files import place_of_tariff, without_effect
 from acqd.errors import InputError
 from acqd.installation.earlier_layout import merged, missing_users
 
@@ -64,7 +64,8 @@ def _planned(path: Path) -> Upgrade:
     together = merged(path, config)
     values = together.values | missing_users(config, path.parent)
     if "tariff" in data.get("web", {}):
-        values |= {"web.tariff": None, "energy.tariff": data["web"]["tariff"]}
+        moved = data.get("energy", {}).get("tariff") or place_of_tariff(data["web"]["tariff"], path)
+        values |= {"web.tariff": None, "energy.tariff": moved}
         notes.append("web.tariff is now energy.tariff: of the page and of everything else that shows a cost")
     _set(document, values)
     notes += together.notes

@@ -20,8 +20,12 @@ Answer = TypeVar("Answer")
 class Regularly(Generic[Answer]):
     """Use as a context; `newest` hands over each answer once."""
 
-    def __init__(self, database: str, read: Callable[[sa.Engine], Answer], period_s: float) -> None:
-        self._database, self._read, self._period_s = database, read, period_s
+    def __init__(
+        self, database: str, read: Callable[[sa.Engine], Answer], period_s: float,
+        without: Callable[[str], Answer] | None = None,
+    ) -> None:  # fmt: skip
+        """`without` makes the answer when the database gives none, from the reason; None: there is no answer then."""
+        self._database, self._read, self._period_s, self._without = database, read, period_s, without
         self._engine: sa.Engine | None = None
         self._changes = StateLog(_log)
         self._stopping = threading.Event()
@@ -58,11 +62,24 @@ class Regularly(Generic[Answer]):
             self._engine = self._engine or read_database(self._database)
             answer = self._read(self._engine)
         except (UserError, sa.exc.DBAPIError) as error:
-            self.trouble = str(error) if isinstance(error, UserError) else first_line(error)
-            self.failures += 1
-            self._changes.trouble("database", "away", f"{self.trouble}; trying again")
+            self._failed(str(error) if isinstance(error, UserError) else first_line(error))
+            return
+        except Exception as error:  # the thread goes on whatever the rows hold
+            if self._failed(f"{type(error).__name__}: {error}"):
+                _log.exception("this is an error of acqd")
             return
         self.failures, self.trouble = 0, ""
         self._changes.fine("database", "answers")
+        self._put(answer)
+
+    def _failed(self, why: str) -> bool:
+        """Whether it was written to the log: it had worked before."""
+        self.trouble = why
+        self.failures += 1
+        if self._without is not None:
+            self._put(self._without(why))
+        return self._changes.trouble("database", "away", f"{why}; trying again")
+
+    def _put(self, answer: Answer) -> None:
         with self._lock:
             self._answers = [answer]

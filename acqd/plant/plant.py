@@ -12,7 +12,7 @@ from acqd.energy.account import Account
 from acqd.energy.periods import days_before
 from acqd.energy.read import devices, has_rows, read_accounts
 from acqd.energy.rules import Rules
-from acqd.errors import InputError, UserError
+from acqd.errors import UserError
 from acqd.plant.device_row import DAYS, SEVERITIES, DeviceRow, device_row
 from acqd.plant.heard import Heard
 
@@ -74,13 +74,12 @@ def read_plant(
 def accounts_of(
     engine: sa.Engine, device: str, spans: Sequence[Sequence[int]], rules: Rules
 ) -> tuple[list[Account], str]:
-    """Accounts between boundaries, empty without rows; and why they have no costs although there is a tariff."""
+    """Accounts between boundaries, empty without rows; and why the first has no costs although there is a tariff."""
     try:
-        return read_accounts(engine, device, spans, rules.tariff), ""
-    except InputError as error:
-        return read_accounts(engine, device, spans, None), str(error)
+        accounts = read_accounts(engine, device, spans, rules.tariff)
     except UserError:
         return [], ""
+    return accounts, accounts[0].trouble
 
 
 def alarms_by_device(heard: Heard | None) -> dict[str, list[dict[str, Any]]]:

@@ -73,12 +73,22 @@ def ids_between(
 ) -> list[tuple[int, int, int]]:
     """Of every run of a channel with rows of `first` <= filetime < `last`: least id, id after the last, code.
 
-    Within a run, time rises with the id (ADR 16), so both ends are found by bisection; `id & 3` is the code.
+    Within a run, time rises with the id (ADR 16), so both ends are found by bisection, in the runs whose first and last
+    row say that they overlap the span; `id & 3` is the code.
     """
     code = _CODES.get(channel)
-    query = "SELECT id FROM power_run WHERE device = ? AND channel = ?"
+    ends = [
+        "SELECT filetime FROM power_row WHERE id >= power_run.id << 34 AND id < (power_run.id + 1) << 34"
+        f" ORDER BY id {order} LIMIT 1"
+        for order in ("ASC", "DESC")
+    ]
+    query = (
+        f"SELECT id FROM (SELECT id, ({ends[0]}) AS oldest, ({ends[1]}) AS newest FROM power_run"
+        " WHERE device = ? AND channel = ?) WHERE oldest < ? AND newest >= ? ORDER BY id"
+    )
+    asked = (device, "" if code is not None else channel, last, first)
     found = []
-    for run in connection.exec_driver_sql(query, (device, "" if code is not None else channel)).scalars().all():
+    for run in connection.exec_driver_sql(query, asked).scalars().all():
         low, high = (_first_id(connection, run, ticks) for ticks in (first, last))
         if low < high:
             found.append((low, high, code or 0))

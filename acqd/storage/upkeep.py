@@ -35,7 +35,7 @@ class Upkeep:
     """A thread; other threads read its attributes."""
 
     def __init__(
-        self, engine: sa.Engine, retention: Retention, costs: Callable[[sa.Engine], object] = lambda _: None
+        self, engine: sa.Engine, retention: Retention, costs: Callable[[sa.Engine], int] = lambda _: 0
     ) -> None:
         """`costs` is called at every look, in the thread: it keeps a table of costs up to date."""
         self._engine, self._retention, self._costs = engine, retention, costs
@@ -43,10 +43,14 @@ class Upkeep:
         self._thread = threading.Thread(target=self._run, name="upkeep", daemon=True)
         self._free: deque[tuple[float, int]] = deque(maxlen=_LOOKS)
         self._moved = 0
-        self.trouble = ""
-        """Why roll-ups and retention did not run, else empty."""
+        self._troubles = {"maintenance": "", "costs": ""}
         self.disk_days: float | None = None
         """Until the disk of an SQLite database is full, at the rate of the last hour; None: unknown, or not filling."""
+
+    @property
+    def trouble(self) -> str:
+        """Why roll-ups, retention or costs of quarter hours are not kept, else empty."""
+        return "; ".join(f"{part}: {why}" for part, why in self._troubles.items() if why)
 
     def start(self) -> None:
         """Look once a minute."""
@@ -62,16 +66,25 @@ class Upkeep:
         while not self._stopping.wait(pause_s):
             pause_s = _LOOK_S
             self._look_at_disk()
-            try:
-                if self._convert():
-                    pause_s = _BETWEEN_S
-                elif time.monotonic() - begun >= _FIRST_S:
-                    self.run_if_due()
-                    self._costs(self._engine)
-            except sa.exc.DBAPIError as error:
-                self._say(f"maintenance: {first_line(error)}; trying again")
-            except UserError as error:
-                self._say(f"maintenance: {error}")
+            if self._try("maintenance", self._convert):
+                pause_s = _BETWEEN_S
+            elif time.monotonic() - begun >= _FIRST_S:
+                self._try("maintenance", self.run_if_due)
+                if self._try("costs", lambda: self._costs(self._engine)) is not None:
+                    self._say("costs", "")
+
+    def _try(self, part: str, work: Callable[[], object]) -> object:
+        """What `work` returns; None where it fails, which is said: the thread goes on whatever the rows hold."""
+        try:
+            return work()
+        except sa.exc.DBAPIError as error:
+            self._say(part, f"{first_line(error)}; trying again")
+        except UserError as error:
+            self._say(part, str(error))
+        except Exception as error:
+            if self._say(part, f"{type(error).__name__}: {error}; trying again"):
+                _log.exception("this is an error of acqd")
+        return None
 
     def _convert(self) -> bool:
         """Move some rows of an earlier acqd; whether there may be more. Raises sqlalchemy.exc.DBAPIError."""
@@ -94,13 +107,14 @@ class Upkeep:
         """
         wall, last = now(), last_run(self._engine)
         if last is not None and min(last.moment.age_s(moment()), abs(wall - last.wall_ns / 1e9)) < _OVERDUE_S:
+            self._say("maintenance", "")
             return False
         why = doubt(self._engine, self._retention, wall)
         if not why and last is None and (old := rows_past(self._engine, self._retention, wall)):
             why = f"no maintenance has run yet, and {old} rows are older than {self._retention.power_days:g} days"
         if why:
             maintain(self._engine, Retention(0, 0, 0), wall)
-            self._say(f"maintenance: {why}; nothing was deleted: `acqd sink maintain --yes` if the clock is right")
+            self._say("maintenance", f"{why}; nothing was deleted: `acqd sink maintain --yes` if the clock is right")
             return False
         done = maintain(self._engine, self._retention, wall)
         note_run(self._engine, wall)
@@ -108,13 +122,16 @@ class Upkeep:
             "maintenance: %d roll-ups made, %d rows deleted as older than %g days",
             done.rollup_1min + done.rollup_15min, done.power_deleted, self._retention.power_days,
         )  # fmt: skip
-        self.trouble = ""
+        self._say("maintenance", "")
         return True
 
-    def _say(self, trouble: str) -> None:
-        if trouble != self.trouble:
-            _log.error("%s", trouble)
-        self.trouble = trouble
+    def _say(self, part: str, why: str) -> bool:
+        """Whether it is a new trouble, and has been written to the log; empty: the trouble is over."""
+        new = bool(why) and why != self._troubles[part]
+        self._troubles[part] = why
+        if new:
+            _log.error("%s: %s", part, why)
+        return new
 
     def _look_at_disk(self) -> None:
         path = file_of(self._engine)

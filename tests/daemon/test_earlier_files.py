@@ -44,3 +44,15 @@ def test_a_relative_tariff_lies_next_to_the_file(tmp_path):
     path = tmp_path / "acqd.toml"
     path.write_text('[energy]\ntariff = "t.toml"\n')
     assert load_config(path).energy.tariff == tmp_path / "t.toml"
+
+
+def test_a_tariff_of_the_working_folder_is_found_and_moved_with_its_place(tmp_path, monkeypatch):
+    (tmp_path / "etc").mkdir()
+    (tmp_path / "t.toml").write_text("price = 0.2\n")
+    path = tmp_path / "etc" / "acqd.toml"
+    path.write_text('[web]\ntariff = "t.toml"\n')
+    monkeypatch.chdir(tmp_path)
+    assert load_config(path).energy.tariff == tmp_path / "t.toml"
+    path.write_text(planned(path).after)
+    monkeypatch.chdir("/")
+    assert load_config(path).energy.tariff == tmp_path / "t.toml"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from datetime import datetime
+from datetime import UTC, datetime
 from zoneinfo import ZoneInfo
 
 import pytest
@@ -18,7 +18,9 @@ from acqd.energy.tariff import load_tariff
 from acqd.errors import UserError
 from acqd.integrations.alarms.book import Book
 from acqd.integrations.alarms.section import AlarmsSection
+from acqd.integrations.alarms.service import Alarms
 from acqd.integrations.alarms.watch import ACTIVE, AlarmWatch
+from acqd.integrations.regularly import Regularly
 from acqd.storage.database import open_database, transaction
 from acqd.storage.schema import power_15min
 from tests.commands import acqd_here, refused
@@ -146,3 +148,49 @@ def test_budgets_of_the_configuration(engine, tmp_path, monkeypatch):
     assert "either kWh or EUR" in refused(acqd_here("alarms", "budgets", "--config", tmp_path / "acqd.toml"))
     with pytest.raises(ValueError, match="two of all devices in kWh per day"):
         AlarmsSection(budgets=[Budget(per="day", kWh=1.0), Budget(per="day", kWh=2.0)])
+
+
+def ends(folder, begin, end):
+    """A tariff with a price of 0.5 EUR between two Unix times."""
+    times = (datetime.fromtimestamp(at, UTC).isoformat() for at in range(begin, end, HOUR))
+    (folder / "prices.csv").write_text("time,price\n" + "".join(f"{at},0.5\n" for at in times))
+    (folder / "t.toml").write_text('zone = "Europe/Berlin"\n[series]\nfile = "prices.csv"\nunit = "EUR/kWh"\n')
+    return load_tariff(folder / "t.toml")
+
+
+def test_a_budget_needs_the_prices_of_what_is_used_and_no_others(engine, tmp_path):
+    today = unix("2026-11-26")
+    tariff = ends(tmp_path, today, today + 24 * HOUR)
+    found = standing(engine, tariff=tariff, per="day", EUR=100.0)
+    assert found.used == pytest.approx(18, abs=0.1) and found.forecast == pytest.approx(36, abs=0.2)
+    assert "at the rate of this day so far" in found.text, "a forecast without prices is none"
+    tariff = ends(tmp_path, today - 48 * HOUR, today)
+    assert "cannot be watched" in standing(engine, tariff=tariff, per="day", EUR=100.0).text
+    assert standing(engine, tariff=tariff, per="day", kWh=30.0).state == "exceeded"
+
+
+def test_budgets_that_a_database_does_not_answer_are_unknown_and_an_error_ends_no_thread(tmp_path, monkeypatch):
+    budgets = Budgets([Budget(per="day", kWh=5.0)], Rules(None, BERLIN))
+    reader = Regularly(
+        str(tmp_path / "none.sqlite"), lambda engine: budgets.standings(engine, NOW), 1.0,
+        lambda why: budgets.unknown(why, NOW),
+    )  # fmt: skip
+    reader.once()
+    (found,) = reader.newest()
+    assert found.state == "unknown" and "cannot be watched: " in found.text and reader.trouble in found.text
+    open_database(str(tmp_path / "none.sqlite"))
+    monkeypatch.setattr(budgets, "standings", lambda *_: [][0])
+    reader.once()
+    assert "IndexError" in reader.newest()[0].text and reader.failures == 2
+
+
+def test_the_alarm_of_the_last_budget_ends_when_it_is_removed(tmp_path, engine):
+    section = AlarmsSection(state=tmp_path / "alarms.json")
+    before = Alarms(section)
+    list(before.watch._budgets.take([standing(engine, per="day", kWh=1.0)], NOW))
+    for _ in before._book.raise_("cell1/offline", "cell1: offline", NOW):
+        before.save()
+    after = Alarms(section)
+    assert set(after._book.active) == {"all/budget-day-kWh", "cell1/offline"}
+    after.watch.tick()
+    assert set(after._book.active) == {"cell1/offline"}

@@ -13,7 +13,6 @@ import urllib.request
 from fractions import Fraction
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from threading import Thread
-from zoneinfo import ZoneInfo
 
 import numpy as np
 import pytest
@@ -21,7 +20,6 @@ import pytest
 from acqd.daemon.health.metrics import CONTENT_TYPE, metrics
 from acqd.daemon.health.snapshot import Cycles, Delivery, Link, Snapshot
 from acqd.energy.quarters import Quarters
-from acqd.energy.rules import Rules
 from acqd.energy.tariff import Tariff
 from acqd.sidecar.store import Done, Store
 from acqd.storage.database import open_database, transaction
@@ -58,7 +56,7 @@ def filled(postgres):
         insert(connection, rows)
     maintain(engine, Retention(0, 0, 0))
     tariff = Tariff("works", price=Fraction(1, 2))
-    quarters = Quarters(Rules(tariff, ZoneInfo("Europe/Berlin")), lambda: BEGIN + 1800.0)
+    quarters = Quarters(lambda: tariff, lambda: BEGIN + 1800.0)
     assert quarters.update(engine) == 2 and quarters.update(engine) == 0
     stamps = np.array([filetime((BEGIN + 10 * k) * 10**9) for k in range(20)])
     Store(engine, "cell").commit(Done("a", "a.log", "m", "ok", {}, stamps, np.full(20, 5.0), np.full(20, 4.0)), {})

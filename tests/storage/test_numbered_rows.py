@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sqlite3
+from functools import partial
 
 import pytest
 import sqlalchemy as sa
@@ -13,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec import structs
 
-from acqd.storage import conversion, known_rows
+from acqd.storage import conversion, known_rows, numbered_rows
 from acqd.storage.database import MIGRATIONS, engine_for, open_database
 from acqd.storage.last_rows import Asked, last_rows
 from acqd.storage.maintain import Retention, maintain
@@ -161,6 +162,24 @@ def test_the_newest_row_of_a_device_is_found_without_reading_its_rows(tmp_path):
         assert known_rows.newest(connection, "a", times[-5]) == times[-5]
         assert connection.exec_driver_sql("SELECT max(filetime) FROM power").scalar() == times[-1]
         assert len(steps) < 60, "fewer instructions than rows"
+
+
+def test_runs_outside_of_a_span_are_not_searched(tmp_path):
+    """Of 200 boots one has rows in the span, in one place of the middle."""
+    engine = open_database(str(tmp_path / "a.sqlite"))
+    rows = [row(k, t=1_700_000_000 + 100 * boot + k, boot=f"b{boot}") for boot in range(200) for k in range(10)]
+    Writer(engine).write([message(one) for one in rows])
+    statements = []
+    sa.event.listen(engine, "before_cursor_execute", lambda *event: statements.append(event[2]))
+    with engine.connect() as connection:
+        between = partial(numbered_rows.ids_between, connection, "cell1", row().channel)
+        first, last = rows[503].filetime, rows[507].filetime
+        ((low, high, code),) = between(first, last)
+        query = "SELECT filetime FROM power_row WHERE id >= ? AND id < ? AND id & 3 = ?"
+        found = connection.exec_driver_sql(query, (low, high, code)).scalars().all()
+        assert found == [one.filetime for one in rows[503:507]] and len(statements) < 80
+        assert between(rows[9].filetime + 1, rows[10].filetime) == [] and len(between(0, 2**62)) == 200
+        assert len(between(rows[9].filetime, rows[10].filetime + 1)) == 2
 
 
 @pytest.fixture

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
-import pytest
+import time
 
+import pytest
+import sqlalchemy as sa
+
+from acqd.cli.sink import _costs
+from acqd.daemon.config import Config
+from acqd.daemon.energy_section import EnergySection
+from acqd.errors import UserError
 from acqd.storage import conversion, upkeep
-from acqd.storage.database import open_database
+from acqd.storage.database import open_database, transaction
 from acqd.storage.maintain import Retention
 from acqd.storage.retention_doubt import last_run
-from acqd.storage.schema import power_1min
+from acqd.storage.schema import power_1min, power_15min
 from acqd.storage.upkeep import Upkeep
 from acqd.storage.writer import Writer
 from tests.storage.rows import count, message, row
@@ -66,3 +73,48 @@ def test_the_thread_moves_the_rows_of_an_earlier_acqd(earlier, tmp_path, monkeyp
     wait_for(lambda: not unfinished(), "all rows are moved")
     thread.stop()
     assert count(engine) == len(rows)
+
+
+def test_costs_that_fail_are_a_trouble_of_their_own_and_end_nothing(tmp_path, caplog):
+    engine = open_database(str(tmp_path / "a.sqlite"))
+    locked = sa.exc.DBAPIError("", (), OSError("locked"))
+    errors = [OverflowError("too large"), UserError("prices.csv: expected a header"), locked]
+    seen = []
+
+    def costs(_):
+        seen.append(thread.trouble)
+        if errors:
+            raise errors.pop(0)
+        return 0
+
+    thread = Upkeep(engine, Retention(0, 0, 0), costs)
+    thread.start()
+    wait_for(lambda: len(seen) > 5, "further looks")
+    thread.stop()
+    assert [one.partition(";")[0] for one in seen[:5]] == [
+        "", "costs: OverflowError: too large", "costs: prices.csv: expected a header", "costs: locked", "",
+    ]  # fmt: skip
+    assert not thread.trouble and last_run(engine) is not None and caplog.text.count("Traceback") == 1
+
+
+def test_a_lock_that_is_over_is_no_trouble_any_more(tmp_path):
+    engine = open_database(str(tmp_path / "a.sqlite"))
+    thread = Upkeep(engine, Retention(0, 0, 0))
+    assert thread.run_if_due()
+    thread._say("maintenance", "database is locked; trying again")
+    assert not thread.run_if_due() and not thread.trouble
+
+
+def test_a_broken_tariff_does_not_stop_the_sink(tmp_path):
+    (tmp_path / "t.toml").write_text("price = ")
+    engine = open_database(str(tmp_path / "a.sqlite"))
+    start = int(time.time()) // 900 * 900 - 7200
+    rows = [{"device": "a", "channel": "total", "start": start + 900 * k, "rows": 22_500, "P": 1000.0,
+             "P_min": 1000.0, "P_max": 1000.0, "W": k / 4, "flagged": 0} for k in range(4)]  # fmt: skip
+    with transaction(engine) as connection:
+        connection.execute(sa.insert(power_15min), rows)
+    costs = _costs(Config(energy=EnergySection(tariff=tmp_path / "t.toml")))
+    with pytest.raises(UserError, match=r"t\.toml"):
+        costs(engine)
+    (tmp_path / "t.toml").write_text("price = 0.5\n")
+    assert costs(engine) == 3

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import logging
 import threading
+from collections.abc import Callable
 from dataclasses import asdict
 from typing import Any
 
@@ -33,7 +34,8 @@ class Alarms:
         self._lock = threading.Lock()
         self.sender = Sender(targets_of(section), self.save)
         self._budgets = budgets
-        standings = (lambda: None) if budgets is None else budgets.newest
+        # Without budgets there are no standings: alarms of budgets that have been removed end.
+        standings: Callable[[], list[Standing] | None] = list if budgets is None else budgets.newest
         self.watch = AlarmWatch(self._book, self._tell, section.delay_s, standings=standings)
         self._restore()
 
