@@ -19,10 +19,6 @@ NEAR = 0.05
 """How near the power must come to a step: a model of the load is within 3 %, transformers within 1 %."""
 _ALIKE = 0.15
 """How far currents of a balanced load are from their mean [share]."""
-_LAGS_deg, _SPREAD_deg, _EQUAL = (15.0, 80.0), 4.0, 0.05
-"""Three phases at one angle, two of them equal, are one three-phase load; at 0 degrees they may be three heaters."""
-_OPEN = 0.03
-"""Of the others: a current whose angle means nothing."""
 _STEPS = np.array([step * 10.0**k for k in range(4) for step in (1, 2, 2.5, 3, 4, 5, 6, 7.5, 8)][1:])
 """Quotients of rated primary currents (10, 12.5, 15, 20, 25, 30, 40, 50, 60, 75 A and their decimal multiples), 5 A for
 1 A, turns. Other quotients, such as 12.5:10, are nearer to 1 than a load is known."""
@@ -62,25 +58,6 @@ def wrong_ratio(P: Floats, currents: Floats, expected_W: float) -> WrongRatio | 
         "(ratio of the transformers, or turns through them)",
         (_gain(factor),) * 3,
     )
-
-
-def odd_ratio(currents: Floats, lags_deg: Floats) -> WrongRatio | None:
-    """Of currents [3] in A and their lags [3]: one of a balanced load that is a step of ratios from the others."""
-    for k in range(3):
-        others, lags = np.delete(currents, k), np.delete(lags_deg, k)
-        drawn = _LAGS_deg[0] < lags.min() and lags.max() < _LAGS_deg[1]
-        if not drawn or np.ptp(lags) > _SPREAD_deg or np.ptp(others) > _EQUAL * others.mean():
-            continue
-        if currents[k] < _OPEN * others.mean():
-            return WrongRatio(f"i{k + 1} is missing beside a balanced load: is its transformer open?", (1.0,) * 3)
-        factor = _step(float(currents[k] / others.mean()))
-        if factor is not None and np.ptp(lags_deg) < _SPREAD_deg:
-            gain = tuple(_gain(factor) if j == k else 1.0 for j in range(3))
-            return WrongRatio(
-                f"i{k + 1} is {_times(factor)} for a balanced load (ratio of the transformer, or turns through it)",
-                gain,
-            )
-    return None
 
 
 def beyond_rated(P: Floats, rated_W: float) -> WrongRatio | None:

@@ -3,7 +3,7 @@
 A load draws power in every phase, and a nearly balanced one lags by the same angle everywhere. Of all permutations and
 reversals of the current transformers the one that makes the angles alike, and no power negative, is named. What another
 wiring explains no better is no finding: a load that feeds back, single-phase loads, a rotating field to the left. Of
-one or two phases (split-phase mains) the direction of the power is all that shows.
+two phases (split-phase mains) only a current against the other shows, of one phase nothing.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from itertools import permutations, product
 import numpy as np
 
 from acqd.arrays import Floats
-from acqd.metering.current_ratio import NEAR, beyond_rated, odd_ratio, wrong_ratio
+from acqd.metering.current_ratio import NEAR, beyond_rated, wrong_ratio
 
 _FLOATING = 0.5
 """Of the median of the voltages: below it a phase is missing or picks up its neighbours."""
@@ -51,6 +51,8 @@ _FITTING = 0.3
 """How near the power of a wiring must be to the expected one [share of it] to explain the power without a ratio."""
 _BACK_deg = 115.0
 """A current that lags its voltage by more flows against the power of a load."""
+_AGAINST_deg = 125.0
+"""The same of two phases: between lines that are 120 degrees apart, a coil makes a current of one lag by 90 + 30."""
 _ONE = 0.02
 """Difference of two currents [share] that are one: loads of two phases differ by 120 degrees, or in size."""
 _LATE_deg, _EQUAL_VOLTS, _STRAIGHT_deg = 3.5, 0.01, 0.5
@@ -141,31 +143,28 @@ def examine(found: Phasors, expected_W: float | None = None, rated_W: float | No
     if voltages := _voltages(found.U):
         return voltages
     wirings = _all(found)
-    return _ratio(found, wirings, expected_W, rated_W) or _currents(found, wirings, expected_W) or _odd(found)
+    return _ratio(found, wirings, expected_W, rated_W) or _currents(found, wirings, expected_W) or _one_conductor(found)
 
 
 def _few(found: Phasors) -> list[WiringFinding]:
-    """One or two phases. Nothing where all of them return active power alone: a source that feeds back."""
+    """Two phases of which one returns what the other draws. All of them return power where a source feeds back."""
     size, lag = np.abs(found.I), np.abs(found.angles_deg())
-    back = [k for k in range(len(lag)) if lag[k] > _BACK_deg and size[k] > _SMALL * size.max()]
-    if not back or not np.abs(found.U).min() or ((lag[back] > 180 - _FEEDING_deg).all() and len(back) == len(lag)):
+    if not np.abs(found.U).min() or size.min() < _SMALL * size.max() or lag.min() > 90:
         return []
-    names = " and ".join(f"i{k + 1}" for k in back)
-    sign = tuple(-1 if k in back else 1 for k in range(len(lag)))
-    text = f"{names} {'is' if len(back) == 1 else 'are'} reversed (unless the load feeds back)"
-    if len(back) == 2 and abs(_between(*found.U.tolist())) > 180 - _ALIKE_deg:
-        return [WiringFinding(f"{text}, or the currents of L1 and L2 are exchanged")]
-    return [WiringFinding(text, tuple(range(1, len(lag) + 1)), sign)]
+    back = int(np.argmax(lag))
+    if lag[back] < _AGAINST_deg:
+        return []
+    sign = tuple(-1 if k == back else 1 for k in range(len(lag)))
+    return [WiringFinding(f"i{back + 1} is reversed (unless the load feeds back)", tuple(range(1, len(lag) + 1)), sign)]
 
 
-def _odd(found: Phasors) -> list[WiringFinding]:
-    """What no other wiring explains: one conductor in two transformers, one with another ratio."""
+def _one_conductor(found: Phasors) -> list[WiringFinding]:
+    """What no other wiring explains: one conductor in two transformers."""
     size = np.abs(found.I)
     for a, b in ((0, 1), (0, 2), (1, 2)):
         if size[a] > _SMALL * size.max() and abs(found.I[a] - found.I[b]) < _ONE * size[a]:
             return [WiringFinding(f"i{a + 1} and i{b + 1} are the same current: two transformers on one conductor?")]
-    wrong = odd_ratio(size, found.angles_deg())
-    return [] if wrong is None else [WiringFinding(wrong.text, (1, 2, 3), (1, 1, 1), wrong.gain)]
+    return []
 
 
 def _ratio(

@@ -18,6 +18,7 @@ _FULL_SCALE = 32768
 _LOOK = 8_192
 """Samples whose strongest line shows the order of the channels."""
 _NEAR_deg = 10.0
+_DEAD = 0.03  # of the largest line
 _HEAD = 65_536  # bytes in which the chunk of the samples begins
 
 
@@ -64,7 +65,10 @@ def _refuse_other_order(path: Path, values: NDArray[Any]) -> None:
     part = values[:_LOOK] * np.hanning(len(values[:_LOOK]))[:, None]
     lines = np.fft.rfft(part, axis=0)[1:]
     line = lines[int(np.argmax(np.abs(lines).sum(axis=1)))] if len(lines) else np.zeros(count, dtype=np.complex128)
-    if not _is_system(line[0::2]) and _is_system(line[: count // 2]):
+    pairs = line[0::2]
+    if np.abs(pairs).min() < _DEAD * np.abs(pairs).max():
+        return  # the angle of a channel without a voltage means nothing
+    if not _are_apart(pairs, (0, 120, 180)) and _are_apart(line[: count // 2], (120, 180)):
         keys = ",".join(f"{q}{k + 1}={k + (q == 'i') * count // 2}" for k in range(count // 2) for q in "ui")
         raise InputError(
             path,
@@ -73,10 +77,10 @@ def _refuse_other_order(path: Path, values: NDArray[Any]) -> None:
         )
 
 
-def _is_system(lines: NDArray[np.complex128]) -> bool:
-    """Whether neighbours lie 120 or 180 degrees apart."""
+def _are_apart(lines: NDArray[np.complex128], degrees: tuple[int, ...]) -> bool:
+    """Whether neighbours lie apart by one of some angles; by 0 as well where two voltages are of one phase."""
     apart = np.abs(np.degrees(np.angle(lines[1:] * lines[:-1].conj())))
-    return bool((np.minimum(np.abs(apart - 120), np.abs(apart - 180)) < _NEAR_deg).all())
+    return bool((np.abs(apart[:, None] - np.array(degrees)).min(axis=1) < _NEAR_deg).all())
 
 
 def _whole(path: Path, notes: list[str]) -> Path | io.BytesIO:

@@ -55,3 +55,10 @@ def test_voltages_before_currents_are_not_taken_for_pairs(tmp_path):
         load_waveform(tmp_path / "a.wav", ChannelMap(**scales))
     soundfile.write(tmp_path / "b.wav", np.stack((u, i), axis=2).reshape(-1, 6), 8_000)
     assert load_waveform(tmp_path / "b.wav", ChannelMap(**scales)).form.phases == 3
+
+
+@pytest.mark.parametrize("u2", [0.79, 1e-4])
+def test_pairs_of_one_phase_with_a_reversed_clamp_stay_pairs(tmp_path, u2):
+    wave = np.sin(2 * np.pi * 50 * np.arange(8_000) / 8_000)
+    soundfile.write(tmp_path / "a.wav", np.outer(wave, [0.8, -0.4, u2, 0.4]), 8_000, subtype="PCM_16")
+    assert load_waveform(tmp_path / "a.wav", ChannelMap(u_scale=400.0, i_scale=10.0)).form.phases == 2

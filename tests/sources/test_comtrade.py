@@ -309,6 +309,26 @@ def test_rows_that_are_doubled_exchanged_or_of_another_width_are_refused(tmp_pat
     assert load_waveform(path).form.phases == 3
 
 
+@pytest.mark.parametrize("time", [0, 0xFFFFFFFF])
+@pytest.mark.parametrize(
+    "numbers",
+    [
+        lambda k: 0 * k,
+        lambda k: 1 + 4 * k,
+        lambda k: k % 700 + 1,
+        lambda k: (k + 65_000) % 65_536,
+        lambda k: np.minimum(k + 1, len(k) - 5),
+    ],
+)
+def test_numbers_that_count_otherwise_are_no_disorder(tmp_path, recording, numbers, time):
+    path = recording.write(tmp_path)
+    data = path.with_suffix(".dat")
+    rows = np.frombuffer(data.read_bytes(), "<u4").reshape(-1, 5).copy()  # number, time, 6 values
+    rows[:, 0], rows[:, 1] = numbers(np.arange(len(rows))), time
+    data.write_bytes(rows.tobytes())
+    assert load_waveform(path).form.phases == 3
+
+
 def test_marks_of_order_blank_lines_and_dates_do_not_stop_a_recording(tmp_path, recording):
     path = replace(recording, edition=2013, kind="ASCII", tail=("1", "0,x", "0,0")).write(tmp_path)
     cfg, dat = path.read_bytes(), path.with_suffix(".dat").read_bytes()

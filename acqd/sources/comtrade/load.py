@@ -15,8 +15,10 @@ from acqd.sources.recording.channel import Channel, Column, Recording
 from acqd.sources.waveform import ChannelMap
 
 _IN_TURN, _AT_RANDOM = 0.99, 0.5
-"""Shares of rows whose numbers rise by one: above the first, the others are misplaced; below the second, with uneven
-times as well, the rows are cut at the wrong places."""
+"""Shares of rows whose numbers rise by one: above the first, the others are misplaced; shares of rows whose numbers
+rise alike (by 0 or 4 as well): below the second, with uneven times as well, the rows are cut at the wrong places."""
+_BACK = 1_000
+"""Rows: numbers that fall by more, or to 0 or 1, have begun again."""
 _NOTED = 2e-4
 """How far the times may be from the header's rate without a word: 10 mHz of the mains."""
 _STEP_SLACK = 0.05  # of a period: how far times may be from an even step
@@ -61,18 +63,23 @@ def load(path: Path, given: ChannelMap) -> Recording:
 
 def _refuse_disorder(path: Path, header: Header, samples: Samples) -> None:
     """Raises InputError for rows that are doubled, exchanged or cut at the wrong places: their numbers say so."""
-    rises = np.diff(samples.numbers())
-    share = float((rises == 1).mean()) if len(rises) else 1.0
-    if _IN_TURN < share < 1 and (rises < 1).any():
-        at = int(np.argmax(rises < 1))
-        first = samples.numbers()[at : at + 2].tolist()
+    numbers = samples.numbers()
+    rises = np.diff(numbers)
+    if not len(rises):
+        return
+    if _IN_TURN < (rises == 1).mean() < 1:
+        doubled = (rises == 0) & (numbers[1:] < numbers.max())  # a counter may stay at its largest number
+        wrong = doubled | ((rises < 0) & (rises > -_BACK) & (numbers[1:] > 1))
         times = samples.times()
-        if times is None or np.diff(times)[at] <= 0 or not rises[at]:
+        wrong &= times is None or np.diff(times) <= 0
+        if wrong.any():
+            at = int(np.argmax(wrong))
             raise InputError(
                 path,
-                f"row {at + 2} has number {first[1]} after {first[0]}: doubled or out of order; export again",
+                f"row {at + 2} has number {numbers[at + 1]} after {numbers[at]}: doubled or out of order; export again",
             )
-    if share < _AT_RANDOM and header.file_type != "ASCII" and not _even(samples.times()):
+    alike = float((rises == np.median(rises)).mean())
+    if alike < _AT_RANDOM and header.file_type != "ASCII" and not _even(samples.times()):
         raise InputError(
             path,
             f"its rows are not numbered 1, 2, 3 ...: the {header.file_type} data do not fit the header "

@@ -55,7 +55,8 @@ class Meter:
         self._access = MeterAccess(self.unit, profile)
         self.period_ns = round((settings.poll_s or profile.update_s) * 1e9)
         self._judge = RoundJudge(settings.nominal_voltage)
-        self._agreement = EnergyAgreement()
+        energy = profile.quantities.get("total.W")
+        self._agreement = EnergyAgreement(energy.scale if energy else 0.0, profile.phases)
         self._senseless = 0  # rounds in a row without any measurement
         self._trusted = False
         self._backoff = Backoff(SHARED_LINE)

@@ -107,7 +107,7 @@ def _finished(
     flags: frozenset[str] = frozenset(),
 ) -> Waveform:
     doubts = (*converter.remarks(recording.path, codes), *continuity.remarks(codes, form, recording.breaks))
-    marks = marks_of(codes, form.rate, form.f_nominal)
+    marks = marks_of(codes, form.rate, form.f_nominal, form.scale)
     said = (*notes, *recording.notes, *_remarks(marks), *doubts)
     breaks = tuple(recording.breaks)
     return Waveform(recording.path.name, codes, form, start, recording.simulated, said, flags, breaks, marks)

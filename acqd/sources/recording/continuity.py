@@ -16,8 +16,8 @@ from acqd.arrays import Floats
 from acqd.metering.block import Codes, StreamFormat
 from acqd.sources.waveform import QUANTITIES
 
-_HELD = 0.2
-"""Of the peak: nearer to zero a channel may stand still because nothing flows."""
+_WAVE_CYCLES, _SIGNS, _VALUES = 2, 3, 5
+"""Beside a stretch that stands still, where a wave is: changes of sign in so many cycles, and different values."""
 _JUMP_deg, _ALIKE_deg, _STEADY_deg = 8.0, 3.0, 2.0
 """A jump of the angle from a cycle to the next but one; how alike phases jump; how steady f is around."""
 _SAME_SIZE = 0.03
@@ -34,10 +34,10 @@ _SHOWN = 3
 Breaks = Sequence[tuple[int, int]]
 
 
-def held(x: Codes, least: int) -> list[tuple[int, int]]:
-    """Stretches of a channel of at least `least` equal samples far from zero: (first, after the last).
+def held(x: Codes, least: int, far: float, cycle: int) -> list[tuple[int, int]]:
+    """Stretches of a channel of at least `least` equal samples beyond `far` amid waves: (first, after the last).
 
-    Empty for a channel that never changes: that is a direct quantity.
+    Nearer to zero a channel may stand still because nothing flows; without waves it may be a direct quantity.
     """
     step = max(1, least // 2)
     few = x[::step]
@@ -46,19 +46,30 @@ def held(x: Codes, least: int) -> list[tuple[int, int]]:
     candidates = np.flatnonzero(equal)
     if not len(candidates) or len(candidates) == len(equal):
         return []
-    peak = max(float(x.max()), -float(x.min()))
     found: list[tuple[int, int]] = []
     for at in (candidates * step).tolist():
-        if (found and at < found[-1][1]) or abs(float(x[at])) < _HELD * peak or (x[at : at + step] != x[at]).any():
+        if (found and at < found[-1][1]) or abs(float(x[at])) < far or (x[at : at + step] != x[at]).any():
             continue
         begin, end = at, at + step
         while begin and x[begin - 1] == x[at]:
             begin -= 1
         while end < len(x) and x[end] == x[at]:
             end += 1
-        if end - begin >= least and end - begin < len(x):
+        if end - begin >= least and _amid_waves(x, begin, end, far, cycle):
             found.append((begin, end))
     return found
+
+
+def _amid_waves(x: Codes, begin: int, end: int, far: float, cycle: int) -> bool:
+    """Whether the channel alternates before and after a stretch, where the recording has cycles there."""
+    size = _WAVE_CYCLES * cycle
+    sides = [side for side in (x[max(0, begin - size) : begin], x[end : end + size]) if len(side) == size]
+    return bool(sides) and all(_is_wave(side, far) for side in sides)
+
+
+def _is_wave(part: Codes, far: float) -> bool:
+    signs = np.sign(part[np.abs(part.astype(np.float64)) >= far])
+    return int((signs[1:] != signs[:-1]).sum()) >= _SIGNS and len(np.unique(part)) >= _VALUES
 
 
 def remarks(codes: Codes, form: StreamFormat, breaks: Breaks) -> tuple[str, ...]:

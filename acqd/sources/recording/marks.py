@@ -5,7 +5,7 @@ A recording is searched only where its extremes, its mean or its steps allow a f
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -18,16 +18,22 @@ Marks = tuple[tuple[int, int, frozenset[str]], ...]
 """First sample, sample after the last, flags."""
 _EQUAL = 4  # samples in a row at the extreme of a channel, from which on it may be clipped
 _END = 30_000  # codes of 16 bits that roll over come near both ends
+_HELD = 0.2  # of the largest peak of all phases: a channel that stands still farther from zero was held
 _TOGETHER = 256  # stretches
 _POINTS = 25  # of half a cycle
 _LONGEST = 100_000  # samples that show the mean
 
 
-def marks_of(codes: Codes, rate: float, f_nominal: float) -> Marks:
-    """Stretches with a fault, in order; stretches with the same flags are joined."""
+def marks_of(codes: Codes, rate: float, f_nominal: float, scale: Sequence[float] = ()) -> Marks:
+    """Stretches with a fault, in order; stretches with the same flags are joined.
+
+    `scale`: V or A per code of each channel; empty: alike for one quantity.
+    """
     size = max(8, round(2 * rate / f_nominal))
     flags: dict[int, set[str]] = {}
     everywhere: set[str] = set()
+    units = np.abs(np.array(scale or (1.0,) * codes.shape[1]))
+    peaks = np.maximum(codes.max(axis=0).astype(np.float64), -codes.min(axis=0).astype(np.float64)) * units
     for k in range(codes.shape[1]):
         x = np.ascontiguousarray(codes[:, k])
         most, least = float(x.max()), float(x.min())
@@ -37,9 +43,9 @@ def marks_of(codes: Codes, rate: float, f_nominal: float) -> Marks:
                 flags.setdefault(at, set()).add("rollover")
             elif clipped(part, size // 2):
                 flags.setdefault(at, set()).add("clipped")
-        for first, last in held(
-            x, 3 * size // 8 if k % 2 else size // 4
-        ):  # half waves of a load pause for half a cycle
+        far = _HELD * float(peaks[k % 2 :: 2].max()) / float(units[k])
+        least = 3 * size // 8 if k % 2 else size // 4  # half waves of a load pause for half a cycle
+        for first, last in held(x, least, far, size // 2):
             for at in range(first // size, -(-last // size)):
                 flags.setdefault(at, set()).add("invalid")
         if k % 2:

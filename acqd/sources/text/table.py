@@ -148,7 +148,7 @@ def _read_header(table: Table, lines: list[str], layout: Layout) -> None:
     for text in (text for row in rows for text in row):
         if beside := re.fullmatch(r"(?i)tinc\s*=\s*(\S+)", text):  # Rigol: CH1V,CH2V,t0 = -0.1, tInc = 1e-05,
             table.stray["increment"] = beside[1].rstrip("s")
-    candidates = [k for k in range(table.first - 1, -1, -1) if any(rows[k]) and not _announces_data(rows[k])]
+    candidates = [k for k in range(table.first - 1, -1, -1) if any(rows[k]) and not _is_preamble(rows[k], table.width)]
     if layout.names_row:
         candidates = [layout.names_row - 1]
     names_at = _header_rows(table, [_unlabelled(row, table.width) for row in rows], candidates, layout)
@@ -185,10 +185,10 @@ def _header_rows(table: Table, rows: list[list[str]], candidates: list[int], lay
     return []
 
 
-def _announces_data(row: list[str]) -> bool:
+def _is_preamble(row: list[str], width: int) -> bool:
     """Whether a line above the numbers is neither names nor units."""
     said = [text for text in row if text]
-    if row[0].endswith(":"):  # a line of the preamble
+    if row[0].endswith(":") and len(said) < min(3, width):  # a key and its value
         return True
     return (len(said) == 1 and _DATA.fullmatch(said[0]) is not None) or all(key_of(one) in _TAKEN_AS for one in said)
 

@@ -206,9 +206,30 @@ def test_a_phase_without_voltage_that_carries_current_has_no_power():
 )
 def test_an_energy_that_contradicts_the_power_is_said_once(power, rise, said):
     agreement = EnergyAgreement()
-    hours = np.arange(0, 8, 1 / 60)
+    hours = np.arange(0, 50, 1 / 60)
     remarks = [
         agreement.feed({"total.P": power, "total.W": 1000 + 1.242 * rise * h}, round(3600 * h * SECOND)) for h in hours
     ]
     heard = [one for one in remarks if one]
     assert len(heard) == bool(said) and said in "".join(heard)
+
+
+@pytest.mark.parametrize(
+    ("values", "phases", "counted_W", "step_kWh", "unit_kWh"),
+    [
+        ({"L1.P": -500.0, "L2.P": 700.0, "total.P": 200.0}, 2, 700.0, 0.01, 0.01),  # the register counts each phase
+        ({"L1.P": -900.0, "L2.P": 700.0, "total.P": -200.0}, 2, 700.0, 0.01, 0.01),
+        ({"total.P": 20.0}, 3, 700.0, 0.01, 0.01),  # so may this one
+        ({"total.P": 150.0}, 1, 375.0, 0.01, 0.01),  # rounds in step with a machine
+        ({"total.P": 600.0}, 1, 375.0, 0.01, 0.01),
+        ({"total.P": 500.0}, 1, 500.0, 10.0, 1.0),
+        ({"total.P": 5_000.0}, 1, 5_000.0, 100.0, 100.0),
+    ],
+)
+def test_registers_that_count_otherwise_or_in_large_steps_contradict_nothing(
+    values, phases, counted_W, step_kWh, unit_kWh
+):
+    agreement = EnergyAgreement(unit_kWh, phases)
+    for minute in range(60 * 60):
+        energy = 1000 + np.floor(counted_W * minute / 6e4 / step_kWh) * step_kWh
+        assert not agreement.feed(values | {"total.W": energy}, round(60 * minute * SECOND))

@@ -175,6 +175,8 @@ STAMPED = [f"2024/03/01 10:00:00,{row.partition(',')[2]}" for row in PLAIN]
         (["Time [s],u1 [V],i1 [A]", "Waveform Data,"], PLAIN),
         (["Sampling interval,250us", "Date&Time,CH1,CH2", "Time,V,A"], STAMPED),
         (['"TIMESTAMP","U_L1","I_L1"', '"TS","V","A"', '"","Smp","Smp"'], PLAIN),
+        (["Time:,U1:,I1:"], PLAIN),
+        (["Rate:,4000", "U1:,I1:"], [row.partition(",")[2] for row in PLAIN]),
     ],
 )
 def test_rows_of_units_stand_above_their_columns(tmp_path, head, rows):
