@@ -33,12 +33,17 @@ _UNEVEN = 0.08
 """Scatter of the stamps over the usual step from which on stamps may be those of a recorder."""
 _BETTER = 0.5
 """Scatter of the ways over that of the stamps against the ways, below which the rate is even and the stamps are not."""
+_SMOOTHER = 5.0
+"""Change of speed from row to row with the stamps as they are, over that with even times, from which on the even times
+are the true ones. True late rows: 8 and more; a log that stops and goes, or has blocks of another rate: below 3."""
 _WINDOW_S = 1.0
 """Span of the line through the stamps. A rate drifts by less than a row in it."""
 _PAUSE_S = 0.6
 """Step between rows that is a pause of the recorder, not a late packet."""
 _REST_S = 0.3
 """Time without motion that ends a line."""
+_RESTS = 3.0
+"""Usual steps of one pose, written again and again, that are a rest."""
 _EARLIEST = 0.02
 """Share of the rows that may lie before the line of the stamps that came at once."""
 _TWICE = (0.6, 0.25)
@@ -110,16 +115,23 @@ def late_stamps(time: Floats, q: Floats, speed: Floats, q_step: Floats) -> LateS
     if ways is None:
         return None
     steps = np.diff(stamps)
-    step = (steps / np.maximum(_running_mean(np.minimum(steps, _PAUSE_S), _PACKET), 1e-9))[ways.judged] - 1
-    way = ways.way[ways.judged] - 1
+    rests = (np.diff(np.flatnonzero(new)) > 1) & (steps > _RESTS * ways.step_s)
+    judged = ways.judged & ~rests
+    if judged.sum() < _FEWEST:
+        return None
+    step = (steps / np.maximum(_running_mean(np.minimum(steps, _PAUSE_S), _PACKET), 1e-9))[judged] - 1
+    way = ways.way[judged] - 1
     uneven = _scatter(step)
     if uneven < _UNEVEN or _scatter(way) > _BETTER * _scatter(step - way):
         return None
-    rows = np.where(ways.judged, np.maximum(np.rint(ways.way), 1.0), 1.0)  # rows that were lost count
-    pauses = steps >= _PAUSE_S
-    for start, end in runs_of_true(~ways.judged):  # an arm that rests tells no time
+    rows = np.where(judged, np.maximum(np.rint(ways.way), 1.0), 1.0)  # rows that were lost count
+    pauses = rests | (steps >= _PAUSE_S)
+    for start, end in runs_of_true(~judged):  # an arm that rests tells no time
         pauses[start:end] |= stamps[end] - stamps[start] > _REST_S
     even = even_times(stamps, rows=rows, pauses=pauses)
+    moved = np.linalg.norm(np.diff(q[new] / speed, axis=0), axis=1)
+    if _changes(stamps, moved, judged) < _SMOOTHER * _changes(even.time, moved, judged):
+        return None
     times = time - np.interp(time, stamps, stamps - even.time)
     return replace(even, time=np.maximum.accumulate(times + 1e-9 * np.arange(len(times))))
 
@@ -266,6 +278,13 @@ def _to_and_fro(x: Floats, judged: NDArray[np.bool_]) -> float:
     if not where.any():
         return 0.0
     return float((way[where] > _TO_AND_FRO * distance[where]).mean())
+
+
+def _changes(time: Floats, moved: Floats, judged: NDArray[np.bool_]) -> float:
+    """Scatter of the changes of speed, as logarithms, from step to step of the judged ones."""
+    steps = np.diff(time)
+    speed = np.log(np.maximum(moved, 1e-12) / np.maximum(steps, 0.01 * float(np.median(steps))))
+    return _scatter(np.diff(speed)[judged[1:] & judged[:-1]])
 
 
 def _scatter(values: Floats) -> float:

@@ -151,3 +151,41 @@ def test_even_times_keep_pauses():
     even = even_times(t + np.random.default_rng(6).exponential(0.003, len(t)))
     assert np.abs(even.time - t).max() < 0.006
     assert even.row_s == pytest.approx(0.01, rel=0.01)
+
+
+def stops_and_goes(row_s, move_s=0.5, rest_s=0.3, start_s=0.1):
+    """Times and angles of an arm that goes from point to point and rests exactly; its stamps are true."""
+    rng, pose, parts, now = np.random.default_rng(3), np.zeros(6), [], 0.0
+    while now < 60:
+        way_s = rng.uniform(0.5, 1.5) * move_s
+        since = np.arange(int(way_s / row_s)) * row_s
+        way = np.cumsum(np.clip(np.minimum(since, way_s - since) / start_s, 0, 1))
+        goal = rng.uniform(-0.8, 0.8, 6)
+        parts += [pose + (way / way[-1])[:, None] * (goal - pose)]
+        pose = goal
+        parts += [np.repeat(pose[None], int(rng.uniform(0.5, 1.5) * rest_s / row_s), axis=0)]
+        now += way_s + rest_s
+    q = np.concatenate(parts)
+    return np.arange(len(q)) * row_s, np.round(q, 5)
+
+
+def path_of(t):
+    return np.round(0.6 * np.sin(2 * np.pi * t[:, None] * np.array([1, 2, 3, 1, 2, 3]) / 6 + np.arange(6)), 5)
+
+
+@pytest.mark.parametrize(
+    "way", [(0.002,), (0.008, 0.5, 0.3, 0.02), (0.04,), (0.04, 0.5, 0.3, 0.02), (0.02, 1.5, 0.8, 0.2)]
+)
+def test_stamps_of_an_arm_that_stops_and_goes_stay(way):
+    t, q = stops_and_goes(*way)
+    assert late_stamps(t, q, ROBOT.speed, FINE) is None
+
+
+def test_stamps_of_a_recorder_with_blocks_of_another_rate_and_gaps_stay():
+    t = np.cumsum(np.where(np.arange(4000) // 30 % 2, 0.032, 0.008))
+    assert late_stamps(t, path_of(t), ROBOT.speed, FINE) is None
+    t = np.arange(0, 60, 0.008)
+    for begin in np.random.default_rng(0).integers(0, 7000, 40):
+        t[begin : begin + 40] = np.nan
+    t = t[np.isfinite(t)]
+    assert late_stamps(t, path_of(t), ROBOT.speed, FINE) is None
