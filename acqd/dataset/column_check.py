@@ -153,7 +153,7 @@ def _require_scale(robot: RobotDescription, samples: list[Sample], where: str) -
         logged.append(seen[some])
         weight.append(inverse_dynamics(robot, q[some], 0 * qd[some], 0 * qd[some]))
     needed, there, carried = (np.concatenate(each).std(axis=0) for each in (computed, logged, weight))
-    friction = np.array([joint.friction.coulomb for joint in robot.joint])
+    friction = np.array([joint.friction.coulomb if joint.friction else 0.0 for joint in robot.joint])
     loaded = np.flatnonzero((needed > _MIN_DEVIATION_NM) & (carried > np.maximum(_MIN_DEVIATION_NM, friction)))
     if not len(loaded):
         return
