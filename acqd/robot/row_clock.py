@@ -54,8 +54,8 @@ _CALM = 0.1
 """Scatter of the ways up to which a way of two rows is known."""
 _SET_ROWS, _SET_S = 5.0, 0.04
 """Usual steps, and s, by which the stamps go on while the arm covers the way of one row."""
-_TO_AND_FRO, _TO_AND_FRO_SHARE = 2.0, 0.2
-"""Way over distance, and the share of the rows in motion, from which on the arm goes to and fro."""
+_TO_AND_FRO, _TO_AND_FRO_SHARE = 2.0, 0.5
+"""Way of two rows over their distance, and the share of the rows in motion, from which on the arm goes to and fro."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,8 +149,13 @@ class ClockFault:
     """No lag can be right."""
 
 
-def clock_fault(time: Floats, q: Floats, speed: Floats, q_step: Floats) -> ClockFault | None:
-    """Why stamps [T] s, rising, cannot be those of the poses [T, axes], all different; None where they can."""
+def clock_fault(
+    time: Floats, q: Floats, speed: Floats, q_step: Floats, left_out: NDArray[np.bool_] | None = None
+) -> ClockFault | None:
+    """Why stamps [T] s, rising, cannot be those of the poses [T, axes], all different; None where they can.
+
+    `left_out` [T - 1]: steps across which equal poses were left out.
+    """
     ways = _ways(time, q / speed, q_step / speed)
     if ways is None:
         return None
@@ -160,16 +165,21 @@ def clock_fault(time: Floats, q: Floats, speed: Floats, q_step: Floats) -> Clock
             f"the arm goes to and fro from row to row in {fro:.0%} of the rows in motion: are rows of two "
             "recorders, or of two robots, in one file? Write one file for each"
         )
+    equal = np.diff(q, axis=0).any(axis=1) == 0
+    skipped = equal if left_out is None else equal | left_out
+    skipped = skipped | np.append(skipped[1:], False) | np.insert(skipped[:-1], 0, False)
     judged = ways.judged
     beyond = np.where(judged, ways.way - ways.step, 0.0)
-    row = _set_clock(beyond, ways)
+    row = _set_clock(np.where(skipped, 0.0, beyond), ways)
     if row is not None:
         return ClockFault(
-            f"the time goes on by {time[row + 1] - time[row]:.3g} s while the arm moves as in one row: the clock was "
-            "set there; cut the log at this row",
+            f"the time goes on by {time[row + 1] - time[row]:.3g} s while the arm moves as in one row: if the clock "
+            "was set there, cut the log at this row; all is well if the arm stopped and no rows were written",
             row + 1,
+            refused=False,
         )
-    missing = _missing(beyond, judged)
+    missing = _missing(beyond, ways) - int((judged & (beyond < -_TWICE[0])).sum())
+    missing -= 0 if left_out is None else int((judged & left_out).sum())  # written too late, and then too early
     share = missing / judged.sum()
     if missing < _MISSING or share < _MISSING_SHARE or mad_sigma(beyond[judged], 0.0) > _CALM:
         return None
@@ -251,30 +261,39 @@ def _line(time: Floats, index: Floats, reach: int, row_s: float) -> Floats:
     return np.asarray(time[0] + row_s * index + (t0 - slope * s1) / n + slope * index)
 
 
-def _missing(beyond: Floats, judged: NDArray[np.bool_]) -> int:
-    """Steps across which the arm covers the way of two rows, and beside which it covers that of one."""
+def _missing(beyond: Floats, ways: _Ways) -> int:
+    """Steps across which the arm covers the way of two rows, and beside which it covers that of one.
+
+    Stamps that count rows are even; where they are not, they tell of the rows that are missing.
+    """
+    judged = ways.judged
+    uneven = np.pad(judged & ~(np.abs(ways.step - 1) < _TWICE[1]), _AROUND)
+    judged = judged & ~np.lib.stride_tricks.sliding_window_view(uneven, 2 * _AROUND + 1).any(axis=1)
     alone = np.pad(np.abs(np.where(judged, beyond, 0.0)) < _TWICE[1], 1, constant_values=True)
     twice = judged & (np.abs(beyond - 1) < 1 - _TWICE[0]) & alone[:-2] & alone[2:]
     return int(twice.sum())
 
 
 def _set_clock(beyond: Floats, ways: _Ways) -> int | None:
-    """The first step across which the stamps go on by rows, and the arm by one, and the next stamps do not make up."""
+    """The one step across which the stamps go on by rows, and the arm by one, and the next stamps do not make up.
+
+    A recorder that writes only while the arm moves has several.
+    """
     far = ways.judged & (-beyond > np.maximum(_SET_ROWS, _SET_S / ways.step_s)) & (ways.way < 2.0)
-    for row in np.flatnonzero(far).tolist():
-        around = float(beyond[max(row - 12, 0) : row + 13].sum() - beyond[row])
-        if abs(around) < 0.2 * abs(beyond[row]):
-            return row
-    return None
+    places = np.flatnonzero(far)
+    if len(places) != 1:
+        return None
+    row = int(places[0])
+    around = float(beyond[max(row - 12, 0) : row + 13].sum() - beyond[row])
+    return row if abs(around) < 0.2 * abs(beyond[row]) else None
 
 
 def _to_and_fro(x: Floats, judged: NDArray[np.bool_]) -> float:
-    """Share of the rows in motion around which the way is much longer than the distance."""
+    """Share of the rows in motion at which the arm turns back: an arm that swings turns in two rows of a swing."""
     steps = np.linalg.norm(np.diff(x, axis=0), axis=1)
-    length = 2 * _AROUND
-    way = np.convolve(steps, np.ones(length), "valid")
-    distance = np.linalg.norm(x[length:] - x[:-length], axis=1)
-    where = judged[_AROUND : _AROUND + len(way)]
+    way = steps[1:] + steps[:-1]
+    distance = np.linalg.norm(x[2:] - x[:-2], axis=1)
+    where = judged[1:] & judged[:-1]
     if not where.any():
         return 0.0
     return float((way[where] > _TO_AND_FRO * distance[where]).mean())
