@@ -140,18 +140,21 @@ def _judged(robot: RobotDescription, samples: list[Sample], where: str) -> Order
 def _require_scale(robot: RobotDescription, samples: list[Sample], where: str) -> None:
     """Raises UserError for torques of another unit, of the motors' side, or that are only noise.
 
-    Gravity gives the scale: the joint that carries most of the arm's weight. Currents have guessed gains, and no scale.
+    Gravity gives the scale: joints that carry the arm, by more than their friction. Friction alone moves a joint with
+    a vertical axis. Currents have guessed gains, and no scale.
     """
     if samples[0][0] != "torques":
         return
-    computed, logged = [], []
+    computed, logged, weight = [], [], []
     for _, q, seen in samples:
         qd = np.gradient(q, _STEP_S, axis=0)
         some = slice(None, None, _THINNED)
         computed.append(inverse_dynamics(robot, q[some], qd[some], np.gradient(qd, _STEP_S, axis=0)[some]))
         logged.append(seen[some])
-    needed, there = (np.concatenate(each).std(axis=0) for each in (computed, logged))
-    loaded = np.flatnonzero(needed > _MIN_DEVIATION_NM)
+        weight.append(inverse_dynamics(robot, q[some], 0 * qd[some], 0 * qd[some]))
+    needed, there, carried = (np.concatenate(each).std(axis=0) for each in (computed, logged, weight))
+    friction = np.array([joint.friction.coulomb if joint.friction else 0.0 for joint in robot.joint])
+    loaded = np.flatnonzero((needed > _MIN_DEVIATION_NM) & (carried > np.maximum(_MIN_DEVIATION_NM, friction)))
     if not len(loaded):
         return
     ratios = there[loaded] / needed[loaded]

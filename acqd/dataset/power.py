@@ -36,8 +36,13 @@ _FASTEST_NS = 1e5
 _PAUSE_S = 5.0
 """Step that is a gap, not a late row."""
 _SAMPLE = 100
-_IN_PACKETS = 0.5
-"""Usual step over the mean one, below which rows come in packets."""
+_IN_PACKETS = 0.1
+"""Usual step over the mean one, below which rows may come in packets."""
+_FEWEST_PACKETS = 10
+_ALIKE, _MOSTLY = 0.3, 0.8
+"""Difference of packets and of the steps between them, and the share of them, up to which they are alike."""
+_UNUSUAL = 5.0
+"""Usual steps, beyond which a step is a gap or of another rate, not a late row."""
 _UNEVEN, _MOST_STEPS = 0.25, 90
 """Difference of steps, over the usual one, that is noted, and the percentile that must differ so much."""
 _SLOWEST_S = 0.25
@@ -177,7 +182,7 @@ def _even_out(origin: str, time_ns: Nanoseconds, notes: list[str]) -> float:
     if len(near) < _SAMPLE:
         return 0.0
     mean_s, usual_s = float(near.mean()), float(np.median(near))
-    if usual_s < _IN_PACKETS * mean_s:
+    if usual_s < _IN_PACKETS * mean_s and _packets(near, usual_s):
         since_s = (time_ns - time_ns[0]) * 1e-9
         even = even_times(since_s, window_s=2 * _PAUSE_S, pauses=np.diff(since_s) >= _PAUSE_S)
         time_ns[:] = time_ns[0] + np.rint(even.time * 1e9).astype(np.int64)
@@ -186,6 +191,7 @@ def _even_out(origin: str, time_ns: Nanoseconds, notes: list[str]) -> float:
             f"distances of {1000 * even.row_s:.3g} ms; record the meter's own time"
         )
         return even.error_s
+    near = near[near < _UNUSUAL * usual_s]
     uneven_s = float(np.percentile(np.abs(near - usual_s), _MOST_STEPS))
     if uneven_s < _UNEVEN * usual_s:
         return 0.0
@@ -194,6 +200,20 @@ def _even_out(origin: str, time_ns: Nanoseconds, notes: list[str]) -> float:
         "came, they are late; record the meter's own time"
     )
     return uneven_s / 2
+
+
+def _packets(steps: Floats, usual_s: float) -> bool:
+    """Whether short steps [s] come in packets of a size, with steps of a length between them.
+
+    A meter that writes slowly while the robot rests, or loses rows, has steps of other lengths and at other distances.
+    """
+    between = np.flatnonzero(steps > _UNUSUAL * usual_s)
+    if len(between) < _FEWEST_PACKETS:
+        return False
+    sizes, lengths = np.diff(between).astype(float), steps[between]
+    usual = float(np.median(sizes))
+    alike = [(np.abs(each - np.median(each)) <= _ALIKE * np.median(each)).mean() for each in (sizes, lengths)]
+    return usual > 1 and min(alike) >= _MOSTLY
 
 
 def require_fast(power: PowerStream) -> None:

@@ -14,21 +14,25 @@ from acqd.numerics import runs_of_true
 from acqd.robot.description import RobotDescription
 
 _LEAST_ROWS = 3
-_MOST_SHARE = 0.4
+_MOST_SHARE = 0.1
 """Share of the rows that may hold the number of no value."""
-_LONGEST = 25
+_LONGEST = 5
 """Rows of one value in turn, beyond which the robot may have been off."""
 _FAR = 5.0
-"""Distance to the nearest other value, over the usual change from row to row, of a number that is no value."""
+"""Distance to the nearest other value, over the usual change between unequal rows, of a number that is no value."""
+_ABOVE = 2.0
+"""Such a number above all others, over the next one below."""
 _OFTEN = 10.0
-"""Times that the number of no value comes as often as any other."""
+"""Times that the largest value comes as often as any other, where a range ends."""
+_LOW = 0.1
+"""Share of the values that are as low as those before a number of no value, where the power falls and ends at 0."""
 _AT_END, _SAMPLE_LEAST = 0.005, 1000
 """Share of the rows at the largest value that the end of a range makes, and rows that show it."""
 _STEPS = 3.0
 """Steps of the written power, beyond which a change is no rounding."""
 _FEWEST_CHANGES = 30
 _HELD = 0.7
-"""Share of the changes that are followed by the same value at least once."""
+"""Share of the changes that are followed by the same value at least once, and of the runs of the usual length."""
 _SAMPLE_ROWS = 200_000
 _MOST_OF_RATED = 5.0
 """Median power over that of all joints at their rated efforts and speeds."""
@@ -41,21 +45,23 @@ def no_values(P: Floats) -> tuple[NDArray[np.bool_], float] | None:
     if len(known) < 10 * _LEAST_ROWS:
         return None
     values = P[known]
-    distinct, counts = np.unique(values, return_counts=True)
+    distinct = np.unique(values)
     if len(distinct) < 3:
         return None
-    usual = float(np.median(np.abs(np.diff(values)))) + 1e-9
-    most = int(counts.argmax())
-    often = counts[most] > _OFTEN * float(np.partition(counts, -2)[-2])  # of numbers with digits none comes so often
+    changes = np.abs(np.diff(values))
+    usual = float(np.median(changes[changes > 0]))
+    lowest, highest = distinct[0] <= 0, distinct[-1] > _ABOVE * distinct[-2]  # idle power is neither
     for place, gap in (
-        (0, distinct[1] - distinct[0]),
-        (len(distinct) - 1, distinct[-1] - distinct[-2]),
-        *([(most, np.inf)] if often else []),
+        *([(0, distinct[1] - distinct[0])] if lowest else []),
+        *([(len(distinct) - 1, distinct[-1] - distinct[-2])] if highest else []),
     ):
         same = values == distinct[place]
         if not _LEAST_ROWS <= same.sum() <= _MOST_SHARE * len(values) or gap <= _FAR * usual:
             continue
         runs = runs_of_true(same)
+        before = [values[start - 1] for start, _ in runs if start]
+        if place == 0 and before and np.median(before) < np.quantile(values[~same], _LOW):
+            continue  # power goes down to 0 there: the meter knows no negative power
         jumps = [abs(values[start] - values[start - 1]) for start, _ in runs if start]
         alone = max(end - start for start, end in runs) <= _LONGEST
         if alone and len(jumps) >= _LEAST_ROWS and float(np.median(jumps)) > _FAR * usual:
@@ -94,8 +100,12 @@ def refreshed_every(P: Floats) -> int:
     sizes = np.abs(np.diff(known)[changed])
     step = float(sizes.min())
     clear = sizes > _STEPS * step
-    after = np.diff(changed)[clear[:-1] & clear[1:]]  # rows from a clear change to the next
+    runs = np.diff(changed)
+    after = runs[clear[:-1] & clear[1:]]  # rows from a clear change to the next
     if len(after) < _FEWEST_CHANGES or (after > 1).mean() < _HELD:
+        return 1
+    usual = (runs > 1) & (np.abs(runs - np.median(after)) <= 1)  # a robot on a plateau lets small changes be seen
+    if usual.mean() < _HELD or len(np.unique(known[changed + 1])) < _FEWEST_CHANGES:
         return 1
     return max(round(float(np.mean(after))), 2)
 

@@ -28,6 +28,8 @@ _TOO_FAST = 3.0  # times the joint's speed limit
 _RESOLUTION = 0.1  # rad
 _SHORTER = 0.8
 """Way in the order of the times over that in the order of the rows, from which on rows are only out of order."""
+_OFTEN = 0.02
+"""Share of the steps that go back in time, from which on rows may be out of order all over."""
 _SAME = 0.001  # rad between angles of the same time
 
 
@@ -80,11 +82,16 @@ def clock_restart(time: Floats, q: Floats) -> int | None:
     Several recordings in one file, say: sorted by time, they would be mixed. Rows that were written twice, or out of
     order, are not: sorted by time, the arm goes a shorter way.
     """
-    if len(time) < 2 or _way(q[np.argsort(time, kind="stable")]) < _SHORTER * _way(q):
+    if len(time) < 2:
+        return None
+    often = (np.diff(time) < 0).mean() > _OFTEN  # recordings of one program are as short a way when they are mixed
+    if often and _way(q[np.argsort(time, kind="stable")]) < _SHORTER * _way(q):
         return None
     for before, after in itertools.pairwise(_runs(time)):
         both = (time[after] > time[before][0]) & (time[after] < time[before][-1])
-        if both.any():
+        again = time[after][both]
+        # a block that came late fills a gap
+        if len(again) and np.sum((time[before] > again[0]) & (time[before] < again[-1])) >= len(again) / 2 - 1:
             known = np.column_stack([np.interp(time[after][both], time[before], angle) for angle in q[before].T])
             if np.abs(known - q[after][both]).max() > _SAME:
                 return int(after.start)

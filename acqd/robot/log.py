@@ -212,10 +212,11 @@ def _trusted(
     q_step = _steps(log.q[rows])
     doubts = doubtful_rows(stamps, log.q[rows], robot.speed, q_step)
     new = np.flatnonzero(~doubts.repeated)
-    fault = clock_fault(stamps[new], log.q[rows[new]], robot.speed, q_step)
+    fault = clock_fault(stamps[new], log.q[rows[new]], robot.speed, q_step, np.diff(new) > 1)
+    if fault is not None and fault.row is not None:
+        fault = replace(fault, text=f"row {table.line(int(rows[new[fault.row]]))}: {fault.text}")
     if fault is not None and fault.refused:
-        where = "" if fault.row is None else f"row {table.line(int(rows[new[fault.row]]))}: "
-        raise InputError(log.path, where + fault.text)
+        raise InputError(log.path, fault.text)
     moves = np.ptp(log.q, axis=0) > _MOVED
     known = {name: values for name in _TITLES if (values := getattr(log, name)) is not None and len(values)}
     constant = {name: axes for name, values in known.items() if (axes := stuck(name, values, moves)).any()}

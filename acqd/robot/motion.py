@@ -48,6 +48,9 @@ _AROUND = 8
 """Rows before and after by which an arm arrives and leaves."""
 _AGAIN_ROWS = 20
 """Rows after which a pose may be sent again."""
+_AWAY = 0.3
+"""Distance of the rows between from a pose that is sent again, over the usual way of a row around them: an arm that
+dwells for some rows flickers there between the steps of its encoder."""
 _PASSES = 12
 _NEIGHBOURS = (-2, -1, 1, 2)
 _LEAST_ROWS = 8
@@ -291,6 +294,9 @@ def _sent_again(time: Floats, x: Floats, step: Floats) -> tuple[Flags, Floats]:
     gap = rows - before
     near = (gap > 1) & (gap <= _AGAIN_ROWS)
     rows, before = rows[near], before[near]
+    rows, before = _not_in_cycles(rows, before)
+    if not len(rows):
+        return again, age
     # an arm that goes back over its own path comes from the other side, and one that rests does not arrive and leave
     start, end = np.maximum(before - _AROUND, 0), np.minimum(rows + _AROUND, len(x) - 1)
     arrives, leaves = x[before] - x[start], x[end] - x[rows]
@@ -298,10 +304,23 @@ def _sent_again(time: Floats, x: Floats, step: Floats) -> tuple[Flags, Floats]:
         np.linalg.norm(way, axis=1) > np.maximum(_MOVING * span, _RESOLUTIONS * float(np.linalg.norm(step)))
         for way, span in ((arrives, time[before] - time[start]), (leaves, time[end] - time[rows]))
     ]
-    found = rows[fast[0] & fast[1] & ((arrives * leaves).sum(axis=1) > 0)]
+    way = np.linalg.norm(arrives, axis=1) / np.maximum(before - start, 1)
+    least = np.maximum(_AWAY * way, _RESOLUTIONS * float(np.linalg.norm(step)))
+    away = np.array([np.linalg.norm(x[a:b] - x[a], axis=1).max() for a, b in zip(before, rows, strict=True)])
+    found = rows[fast[0] & fast[1] & ((arrives * leaves).sum(axis=1) > 0) & (away > least)]
     again[found] = True
     age[rows] = time[rows] - time[before]
     return again, age
+
+
+def _not_in_cycles(rows: NDArray[np.int64], before: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Rows and earlier rows of the same pose without those of a motion that repeats every few rows."""
+    order = np.argsort(rows)
+    rows, before = rows[order], before[order]
+    other = (np.diff(rows) != 1) | (np.diff(before) != 1)
+    run = np.concatenate([[0], np.cumsum(other)])[: len(rows)]
+    few = np.bincount(run)[run] < _AROUND if len(rows) else np.zeros(0, bool)
+    return rows[few], before[few]
 
 
 def _not_at_their_time(time: Floats, x: Floats, row_s: float, written: float, *, newer: bool) -> tuple[Flags, Floats]:

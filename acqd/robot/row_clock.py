@@ -33,12 +33,17 @@ _UNEVEN = 0.08
 """Scatter of the stamps over the usual step from which on stamps may be those of a recorder."""
 _BETTER = 0.5
 """Scatter of the ways over that of the stamps against the ways, below which the rate is even and the stamps are not."""
+_SMOOTHER = 5.0
+"""Change of speed from row to row with the stamps as they are, over that with even times, from which on the even times
+are the true ones. True late rows: 8 and more; a log that stops and goes, or has blocks of another rate: below 3."""
 _WINDOW_S = 1.0
 """Span of the line through the stamps. A rate drifts by less than a row in it."""
 _PAUSE_S = 0.6
 """Step between rows that is a pause of the recorder, not a late packet."""
 _REST_S = 0.3
 """Time without motion that ends a line."""
+_RESTS = 3.0
+"""Usual steps of one pose, written again and again, that are a rest."""
 _EARLIEST = 0.02
 """Share of the rows that may lie before the line of the stamps that came at once."""
 _TWICE = (0.6, 0.25)
@@ -49,8 +54,8 @@ _CALM = 0.1
 """Scatter of the ways up to which a way of two rows is known."""
 _SET_ROWS, _SET_S = 5.0, 0.04
 """Usual steps, and s, by which the stamps go on while the arm covers the way of one row."""
-_TO_AND_FRO, _TO_AND_FRO_SHARE = 2.0, 0.2
-"""Way over distance, and the share of the rows in motion, from which on the arm goes to and fro."""
+_TO_AND_FRO, _TO_AND_FRO_SHARE = 2.0, 0.5
+"""Way of two rows over their distance, and the share of the rows in motion, from which on the arm goes to and fro."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,16 +115,23 @@ def late_stamps(time: Floats, q: Floats, speed: Floats, q_step: Floats) -> LateS
     if ways is None:
         return None
     steps = np.diff(stamps)
-    step = (steps / np.maximum(_running_mean(np.minimum(steps, _PAUSE_S), _PACKET), 1e-9))[ways.judged] - 1
-    way = ways.way[ways.judged] - 1
+    rests = (np.diff(np.flatnonzero(new)) > 1) & (steps > _RESTS * ways.step_s)
+    judged = ways.judged & ~rests
+    if judged.sum() < _FEWEST:
+        return None
+    step = (steps / np.maximum(_running_mean(np.minimum(steps, _PAUSE_S), _PACKET), 1e-9))[judged] - 1
+    way = ways.way[judged] - 1
     uneven = _scatter(step)
     if uneven < _UNEVEN or _scatter(way) > _BETTER * _scatter(step - way):
         return None
-    rows = np.where(ways.judged, np.maximum(np.rint(ways.way), 1.0), 1.0)  # rows that were lost count
-    pauses = steps >= _PAUSE_S
-    for start, end in runs_of_true(~ways.judged):  # an arm that rests tells no time
+    rows = np.where(judged, np.maximum(np.rint(ways.way), 1.0), 1.0)  # rows that were lost count
+    pauses = rests | (steps >= _PAUSE_S)
+    for start, end in runs_of_true(~judged):  # an arm that rests tells no time
         pauses[start:end] |= stamps[end] - stamps[start] > _REST_S
     even = even_times(stamps, rows=rows, pauses=pauses)
+    moved = np.linalg.norm(np.diff(q[new] / speed, axis=0), axis=1)
+    if _changes(stamps, moved, judged) < _SMOOTHER * _changes(even.time, moved, judged):
+        return None
     times = time - np.interp(time, stamps, stamps - even.time)
     return replace(even, time=np.maximum.accumulate(times + 1e-9 * np.arange(len(times))))
 
@@ -137,8 +149,13 @@ class ClockFault:
     """No lag can be right."""
 
 
-def clock_fault(time: Floats, q: Floats, speed: Floats, q_step: Floats) -> ClockFault | None:
-    """Why stamps [T] s, rising, cannot be those of the poses [T, axes], all different; None where they can."""
+def clock_fault(
+    time: Floats, q: Floats, speed: Floats, q_step: Floats, left_out: NDArray[np.bool_] | None = None
+) -> ClockFault | None:
+    """Why stamps [T] s, rising, cannot be those of the poses [T, axes], all different; None where they can.
+
+    `left_out` [T - 1]: steps across which equal poses were left out.
+    """
     ways = _ways(time, q / speed, q_step / speed)
     if ways is None:
         return None
@@ -148,16 +165,21 @@ def clock_fault(time: Floats, q: Floats, speed: Floats, q_step: Floats) -> Clock
             f"the arm goes to and fro from row to row in {fro:.0%} of the rows in motion: are rows of two "
             "recorders, or of two robots, in one file? Write one file for each"
         )
+    equal = np.diff(q, axis=0).any(axis=1) == 0
+    skipped = equal if left_out is None else equal | left_out
+    skipped = skipped | np.append(skipped[1:], False) | np.insert(skipped[:-1], 0, False)
     judged = ways.judged
     beyond = np.where(judged, ways.way - ways.step, 0.0)
-    row = _set_clock(beyond, ways)
+    row = _set_clock(np.where(skipped, 0.0, beyond), ways)
     if row is not None:
         return ClockFault(
-            f"the time goes on by {time[row + 1] - time[row]:.3g} s while the arm moves as in one row: the clock was "
-            "set there; cut the log at this row",
+            f"the time goes on by {time[row + 1] - time[row]:.3g} s while the arm moves as in one row: if the clock "
+            "was set there, cut the log at this row; all is well if the arm stopped and no rows were written",
             row + 1,
+            refused=False,
         )
-    missing = _missing(beyond, judged)
+    missing = _missing(beyond, ways) - int((judged & (beyond < -_TWICE[0])).sum())
+    missing -= 0 if left_out is None else int((judged & left_out).sum())  # written too late, and then too early
     share = missing / judged.sum()
     if missing < _MISSING or share < _MISSING_SHARE or mad_sigma(beyond[judged], 0.0) > _CALM:
         return None
@@ -239,33 +261,49 @@ def _line(time: Floats, index: Floats, reach: int, row_s: float) -> Floats:
     return np.asarray(time[0] + row_s * index + (t0 - slope * s1) / n + slope * index)
 
 
-def _missing(beyond: Floats, judged: NDArray[np.bool_]) -> int:
-    """Steps across which the arm covers the way of two rows, and beside which it covers that of one."""
+def _missing(beyond: Floats, ways: _Ways) -> int:
+    """Steps across which the arm covers the way of two rows, and beside which it covers that of one.
+
+    Stamps that count rows are even; where they are not, they tell of the rows that are missing.
+    """
+    judged = ways.judged
+    uneven = np.pad(judged & ~(np.abs(ways.step - 1) < _TWICE[1]), _AROUND)
+    judged = judged & ~np.lib.stride_tricks.sliding_window_view(uneven, 2 * _AROUND + 1).any(axis=1)
     alone = np.pad(np.abs(np.where(judged, beyond, 0.0)) < _TWICE[1], 1, constant_values=True)
     twice = judged & (np.abs(beyond - 1) < 1 - _TWICE[0]) & alone[:-2] & alone[2:]
     return int(twice.sum())
 
 
 def _set_clock(beyond: Floats, ways: _Ways) -> int | None:
-    """The first step across which the stamps go on by rows, and the arm by one, and the next stamps do not make up."""
+    """The one step across which the stamps go on by rows, and the arm by one, and the next stamps do not make up.
+
+    A recorder that writes only while the arm moves has several.
+    """
     far = ways.judged & (-beyond > np.maximum(_SET_ROWS, _SET_S / ways.step_s)) & (ways.way < 2.0)
-    for row in np.flatnonzero(far).tolist():
-        around = float(beyond[max(row - 12, 0) : row + 13].sum() - beyond[row])
-        if abs(around) < 0.2 * abs(beyond[row]):
-            return row
-    return None
+    places = np.flatnonzero(far)
+    if len(places) != 1:
+        return None
+    row = int(places[0])
+    around = float(beyond[max(row - 12, 0) : row + 13].sum() - beyond[row])
+    return row if abs(around) < 0.2 * abs(beyond[row]) else None
 
 
 def _to_and_fro(x: Floats, judged: NDArray[np.bool_]) -> float:
-    """Share of the rows in motion around which the way is much longer than the distance."""
+    """Share of the rows in motion at which the arm turns back: an arm that swings turns in two rows of a swing."""
     steps = np.linalg.norm(np.diff(x, axis=0), axis=1)
-    length = 2 * _AROUND
-    way = np.convolve(steps, np.ones(length), "valid")
-    distance = np.linalg.norm(x[length:] - x[:-length], axis=1)
-    where = judged[_AROUND : _AROUND + len(way)]
+    way = steps[1:] + steps[:-1]
+    distance = np.linalg.norm(x[2:] - x[:-2], axis=1)
+    where = judged[1:] & judged[:-1]
     if not where.any():
         return 0.0
     return float((way[where] > _TO_AND_FRO * distance[where]).mean())
+
+
+def _changes(time: Floats, moved: Floats, judged: NDArray[np.bool_]) -> float:
+    """Scatter of the changes of speed, as logarithms, from step to step of the judged ones."""
+    steps = np.diff(time)
+    speed = np.log(np.maximum(moved, 1e-12) / np.maximum(steps, 0.01 * float(np.median(steps))))
+    return _scatter(np.diff(speed)[judged[1:] & judged[:-1]])
 
 
 def _scatter(values: Floats) -> float:

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from acqd.dataset.build import BuildConfig, build
-from acqd.dataset.column_check import check_columns, judge_logs, judge_recordings, judge_table
+from acqd.dataset.column_check import _require_scale, check_columns, judge_logs, judge_recordings, judge_table
 from acqd.dataset.merge import Recording
 from acqd.errors import UserError
 from acqd.robot.description import load_description
+from acqd.robot.inertia import inverse_dynamics
 from acqd.robot.log import read_log
 from tests.campaigns import quiet
 from tests.places import ROBOT_LOGS, needs_robot_logs
@@ -132,3 +133,16 @@ def test_no_real_log_is_refused_for_its_order(name):
         log = read_log(path, robot)
         judge_logs([log], robot)
         check_columns(log, robot)
+
+
+def test_torques_of_friction_on_a_vertical_axis_are_no_other_unit():
+    robot, t = load_description("ur5e"), np.arange(0, 40, 0.04)
+    q = np.tile([0, -1.57, 1.57, -1.57, -1.57, 0], (len(t), 1))
+    q[:, 0] = 1.2 * np.sin(2 * np.pi * t / 4)
+    qd = np.gradient(q, 0.04, axis=0)
+    friction = np.array([joint.friction.coulomb for joint in robot.joint])
+    tau = inverse_dynamics(robot, q, qd, np.gradient(qd, 0.04, axis=0)) + friction * np.tanh(qd / 0.01)
+    _require_scale(robot, [("torques", q, tau)], "x")
+    q[:, 1] += 0.5 * np.sin(2 * np.pi * t / 5)
+    with pytest.raises(UserError, match="in mNm or per cent"):
+        _require_scale(robot, [("torques", q, 1000 * inverse_dynamics(robot, q, 0 * q, 0 * q))], "x")

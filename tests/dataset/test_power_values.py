@@ -22,11 +22,9 @@ def written(folder, time, P):
 
 
 @pytest.mark.parametrize("number", [0.0, -1.0, 9999.0, 65535.0])
-@pytest.mark.parametrize("middle", [0.0, 60.0])
-def test_a_number_that_stands_for_no_value_is_not_measured(number, middle):
-    P = POWER - middle  # power of a small drive goes through 0
-    rows = np.random.default_rng(1).random(len(P)) < 0.05
-    found = no_values(np.where(rows, number, P))
+def test_a_number_that_stands_for_no_value_is_not_measured(number):
+    rows = np.random.default_rng(1).random(len(POWER)) < 0.05
+    found = no_values(np.where(rows, number, POWER))
     assert found is not None
     np.testing.assert_array_equal(found[0], rows)
 
@@ -38,9 +36,39 @@ def test_values_of_a_robot_that_is_off_or_of_a_meter_with_few_digits_stay():
         assert no_values(P) is None
 
 
+def test_power_that_a_coarse_meter_writes_or_that_idles_stays():
+    row, rng = np.arange(6000), np.random.default_rng(0)
+    motion = np.where(row // 200 % 2, 300 + 120 * np.sin(row / 15), 150) + rng.normal(0, 3, 6000)
+    idle = np.where(row % 60 < 20, 152.0, np.round(300 + 100 * np.sin(row % 60 * 0.15) + rng.normal(0, 4, 6000)))
+    returned = motion.copy()
+    for brakes in range(300, 6000, 400):
+        returned[brakes : brakes + 4] = 60, 0, 0, 0  # of a meter without negative power
+    for P in (returned, np.round(motion, -1), 20 * np.round(motion / 20), np.repeat(np.round(motion[::4]), 4), idle):
+        assert no_values(P) is None
+
+
+@pytest.mark.parametrize(
+    "steps",
+    [
+        np.tile(np.concatenate([np.full(600, 0.1), np.full(90, 2.0)]), 4),
+        np.tile(np.concatenate([np.full(600, 0.04), np.full(30, 1.0)]), 4),
+        np.where(np.random.default_rng(1).random(3000) < 0.1, np.random.default_rng(2).uniform(1, 4, 3000), 0.2),
+        np.where(np.random.default_rng(1).random(3000) < 0.02, np.random.default_rng(2).uniform(2, 4.9, 3000), 0.04),
+    ],
+)
+def test_true_times_of_a_meter_that_rests_or_loses_rows_stay(tmp_path, steps):
+    time = np.round(TIME[0] + np.cumsum(steps), 6)
+    stream = written(tmp_path, time, 200 + 100 * np.sin(0.01 * np.arange(len(time)) ** 1.1))
+    assert np.abs(stream.time_ns * 1e-9 - time).max() < 1e-5
+    assert stream.stamp_error_s == 0.0 and not stream.notes
+
+
 def test_a_meter_that_repeats_its_values_is_said_with_its_rate(tmp_path):
     held = POWER[np.arange(len(POWER)) // 5 * 5]
     assert refreshed_every(held) == 5
+    switched = np.where(np.arange(5000) // 5 % 2, 400.0, 150.0) + (np.arange(5000) % 50 == 0)
+    plateaus = np.where(np.arange(5000) // 7 % 2, 300 + np.random.default_rng(3).normal(0, 0.3, 5000), 150)
+    assert [refreshed_every(P) for P in (switched, plateaus, np.round(plateaus))] == [1, 1, 1]
     assert [refreshed_every(P) for P in (POWER, np.round(POWER), np.round(POWER, -1))] == [1, 1, 1]
     stream = written(tmp_path, TIME, held)
     assert stream.stamp_error_s == pytest.approx(0.1)

@@ -83,7 +83,7 @@ def test_a_clock_that_goes_back_is_named(tmp_path):
 
 
 def test_a_directory_and_binary_files_are_no_logs(tmp_path):
-    (tmp_path / "x.log").write_bytes(b"\xff\xfe\x00\x01")
+    (tmp_path / "x.log").write_bytes(b"\xff\xff\x00\x01")
     for path, reason in ((tmp_path, "Is a directory"), (tmp_path / "x.log", "no UTF-8 text")):
         with pytest.raises(InputError, match=f"cannot be read .{reason}"):
             read_log(path, load_description("iiwa7_r800"))
@@ -178,6 +178,13 @@ def test_pauses_short_recordings_and_rows_out_of_order_are_no_damage(tmp_path):
     order[50:53] = [52, 50, 51]
     log = read_log(csv_of(tmp_path / "x.csv", time[order], q[order]), load_description("iiwa7_r800"))
     assert len(log.time) == ROWS and not log.note
+
+
+def test_a_block_of_rows_that_came_late_is_no_other_recording(tmp_path):
+    time, q = moving()
+    order = np.concatenate([np.arange(100), np.arange(150, 200), np.arange(100, 150), np.arange(200, ROWS)])
+    log = read_log(csv_of(tmp_path / "x.csv", time[order], q[order]), load_description("iiwa7_r800"))
+    assert len(log.time) == ROWS and log.quality.fault is None
 
 
 @settings(max_examples=40, deadline=None)

@@ -6,6 +6,7 @@ import pytest
 from acqd.errors import InputError
 from acqd.robot.description import load_description
 from acqd.robot.log import log_of, read_log
+from acqd.robot.motion import doubtful_rows
 from acqd.robot.row_clock import clock_fault, even_times, late_stamps
 from acqd.robot.table import Table
 from tests.places import ROBOT_LOGS
@@ -99,7 +100,6 @@ def two_recorders(t, q):
 @pytest.mark.parametrize(
     ("fault", "line"),
     [
-        (set_once, "row 9.*goes on by 0.26 s while the arm moves as in one row: the clock was set"),
         (counted, "rows in motion are missing .*they count rows"),
         (two_recorders, "to and fro from row to row"),
     ],
@@ -107,6 +107,12 @@ def two_recorders(t, q):
 def test_times_that_cannot_be_those_of_the_poses_are_refused_with_the_reason(real, fault, line):
     with pytest.raises(InputError, match=line):
         log_with(*fault(*real))
+
+
+def test_a_clock_that_was_set_is_said_once_and_not_refused(real):
+    log = log_with(*set_once(*real))
+    assert log.quality.sentences()[0].startswith("row 9")
+    assert "goes on by 0.26 s while the arm moves as in one row: if the clock was set" in log.quality.sentences()[0]
 
 
 def test_poses_that_are_sent_again_while_the_arm_moves_are_left_out(real):
@@ -151,3 +157,87 @@ def test_even_times_keep_pauses():
     even = even_times(t + np.random.default_rng(6).exponential(0.003, len(t)))
     assert np.abs(even.time - t).max() < 0.006
     assert even.row_s == pytest.approx(0.01, rel=0.01)
+
+
+def stops_and_goes(row_s, move_s=0.5, rest_s=0.3, start_s=0.1):
+    """Times and angles of an arm that goes from point to point and rests exactly; its stamps are true."""
+    rng, pose, parts, now = np.random.default_rng(3), np.zeros(6), [], 0.0
+    while now < 60:
+        way_s = rng.uniform(0.5, 1.5) * move_s
+        since = np.arange(int(way_s / row_s)) * row_s
+        way = np.cumsum(np.clip(np.minimum(since, way_s - since) / start_s, 0, 1))
+        goal = rng.uniform(-0.8, 0.8, 6)
+        parts += [pose + (way / way[-1])[:, None] * (goal - pose)]
+        pose = goal
+        parts += [np.repeat(pose[None], int(rng.uniform(0.5, 1.5) * rest_s / row_s), axis=0)]
+        now += way_s + rest_s
+    q = np.concatenate(parts)
+    return np.arange(len(q)) * row_s, np.round(q, 5)
+
+
+def path_of(t):
+    return np.round(0.6 * np.sin(2 * np.pi * t[:, None] * np.array([1, 2, 3, 1, 2, 3]) / 6 + np.arange(6)), 5)
+
+
+@pytest.mark.parametrize(
+    "way", [(0.002,), (0.008, 0.5, 0.3, 0.02), (0.04,), (0.04, 0.5, 0.3, 0.02), (0.02, 1.5, 0.8, 0.2)]
+)
+def test_stamps_of_an_arm_that_stops_and_goes_stay(way):
+    t, q = stops_and_goes(*way)
+    assert late_stamps(t, q, ROBOT.speed, FINE) is None
+
+
+def test_stamps_of_a_recorder_with_blocks_of_another_rate_and_gaps_stay():
+    t = np.cumsum(np.where(np.arange(4000) // 30 % 2, 0.032, 0.008))
+    assert late_stamps(t, path_of(t), ROBOT.speed, FINE) is None
+    t = np.arange(0, 60, 0.008)
+    for begin in np.random.default_rng(0).integers(0, 7000, 40):
+        t[begin : begin + 40] = np.nan
+    t = t[np.isfinite(t)]
+    assert late_stamps(t, path_of(t), ROBOT.speed, FINE) is None
+
+
+def swing(row_s, stroke_s):
+    t = np.arange(0, 60, row_s)
+    return t, 0.3 * np.sin(2 * np.pi * t / stroke_s)[:, None] * np.array([1, 0.5, 0, 0, 0, 0.3])
+
+
+def writes_on_change():
+    t = np.arange(0, 60, 0.008)
+    kept = (t % 10 < 5.01) | (t % 10 > 6.99)
+    return t[kept], path_of(t - 2 * np.floor(t / 10) - np.clip(t % 10 - 5, 0, 2))[kept]
+
+
+def loses_rows():
+    t = np.arange(0, 120, 0.008)[np.random.default_rng(0).random(15000) > 0.7]
+    return t, path_of(t)
+
+
+def asynchronous():
+    """A recorder at the controller's rate: some rows repeat a pose, as many skip one."""
+    t = np.arange(0, 60, 0.01)
+    late = np.random.default_rng(1).random(len(t)) < 0.03
+    return t, path_of(np.where(late, t - 0.01, t))
+
+
+@pytest.mark.parametrize(
+    ("t", "q"),
+    [swing(0.04, 0.5), swing(0.04, 0.8), swing(0.08, 1.6), swing(0.1, 1.3), swing(0.12, 2.0),
+     stops_and_goes(0.04, 0.5, 0.3, 0.02), writes_on_change(), loses_rows(), asynchronous()],
+    ids=["0.5", "0.8", "1.6", "1.3", "2.0", "stops", "on_change", "loses", "asynchronous"],
+)  # fmt: skip
+def test_true_stamps_of_an_arm_that_swings_rests_or_of_a_recorder_that_saves_rows_are_not_doubted(t, q):
+    log = log_with(t, np.round(q, 5))
+    assert log.quality.fault is None and log.quality.old < 0.005 * len(t)
+
+
+@pytest.mark.parametrize(("row_s", "dwell_s", "noise"), [(0.04, 0.2, 1e-4), (0.04, 0.2, 3e-4), (0.008, 0.06, 1e-4)])
+def test_poses_of_a_short_dwell_are_not_old(row_s, dwell_s, noise):
+    t = np.arange(0, 60, row_s)
+    cycle, step_s = 0.6 + dwell_s, 5e-4 if noise > 2e-4 else 1e-4
+    part = np.clip(t % cycle / 0.6, 0, 1)
+    x = np.abs((0.25 * (t // cycle + 3 * part**2 - 2 * part**3)) % 3 - 1.5)
+    moved = np.array([1, 0.5, 0, 0, 0, 0])
+    q = x[:, None] * moved + np.random.default_rng(0).normal(0, noise, (len(t), 6)) * (moved > 0)
+    q = np.round(q / step_s) * step_s
+    assert doubtful_rows(t, q, np.full(6, 3.14), np.full(6, step_s)).old.sum() < 0.02 * len(t)
