@@ -100,13 +100,17 @@ def two_recorders(t, q):
 @pytest.mark.parametrize(
     ("fault", "line"),
     [
-        (counted, "rows in motion are missing .*they count rows"),
         (two_recorders, "to and fro from row to row"),
     ],
 )
 def test_times_that_cannot_be_those_of_the_poses_are_refused_with_the_reason(real, fault, line):
     with pytest.raises(InputError, match=line):
         log_with(*fault(*real))
+
+
+def test_times_that_count_rows_are_doubted_and_widen_the_interval(real):
+    said = log_with(*counted(*real)).quality.sentences()
+    assert any("the arm goes as far as in two: if the times count rows, rows are missing" in line for line in said)
 
 
 def test_a_clock_that_was_set_is_said_once_and_not_refused(real):
