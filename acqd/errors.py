@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 _MOST, _TAIL = 2000, 300  # characters of a message, and of its end if its middle is left out
 
 
@@ -41,3 +43,8 @@ def _one_line(text: str) -> str:
     if len(text) > _MOST:
         text = f"{text[: _MOST - _TAIL]} [...] {text[-_TAIL:]}"
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text.rstrip())
+
+
+def without_number(error: BaseException) -> str:
+    """What an error of a library says, without the number that the system has for the kind."""
+    return re.sub(r"\[Errno -?\d+\] ", "", str(error))

@@ -12,7 +12,7 @@ import orjson
 import typer
 
 from acqd.cli.options import ConfigFile, Host, Json, Port, broker_address, configured
-from acqd.errors import UserError
+from acqd.errors import UserError, without_number
 from acqd.integrations.alarms.section import AlarmsSection
 from acqd.telemetry.mqtt import BrokerAddress
 
@@ -176,7 +176,7 @@ async def _active(address: BrokerAddress) -> list[dict[str, Any]]:
     except TimeoutError:
         raise UserError(f"no list of alarms at {address}: start acqd alarms first") from None
     except aiomqtt.MqttError as error:
-        raise UserError(f"broker {address}: {error}; check host and port") from None
+        raise UserError(f"broker {address}: {without_number(error)}; check host and port") from None
 
 
 async def _send(address: BrokerAddress, payload: bytes) -> None:
@@ -188,4 +188,4 @@ async def _send(address: BrokerAddress, payload: bytes) -> None:
         async with _client(address) as client:
             await client.publish(ACKNOWLEDGE, payload, qos=1)
     except aiomqtt.MqttError as error:
-        raise UserError(f"broker {address}: {error}; check host and port") from None
+        raise UserError(f"broker {address}: {without_number(error)}; check host and port") from None

@@ -11,7 +11,7 @@ from typing import Protocol
 
 import aiomqtt
 
-from acqd.errors import UserError
+from acqd.errors import UserError, without_number
 from acqd.retry import Backoff
 from acqd.telemetry.message import Message
 from acqd.telemetry.mqtt import BrokerAddress, is_refusal, refusal
@@ -69,7 +69,8 @@ class Relay:
             except aiomqtt.MqttError as error:
                 self._say(str(error))
                 if for_s is not None:
-                    text = f"broker {self._address} does not answer: {error}; start it, or check host and port"
+                    said = without_number(error)
+                    text = f"broker {self._address} does not answer: {said}; start it, or check host and port"
                     raise UserError(text) from None
             if self.connected.is_set():
                 backoff.ended(time.monotonic() - begun)

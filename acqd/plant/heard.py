@@ -9,7 +9,7 @@ from typing import Any
 import aiomqtt
 import orjson
 
-from acqd.errors import UserError
+from acqd.errors import UserError, without_number
 from acqd.integrations.alarms.states import wrong
 from acqd.integrations.alarms.watch import ACTIVE
 from acqd.integrations.daemons import Daemons
@@ -91,4 +91,6 @@ async def _listen(address: BrokerAddress) -> Heard:
     except aiomqtt.MqttError as error:
         if is_refusal(str(error)):
             raise refusal(address, str(error)) from None
-        raise UserError(f"broker {address} does not answer: {error}; check host and port, or use --no-broker") from None
+        raise UserError(
+            f"broker {address} does not answer: {without_number(error)}; check host and port, or use --no-broker"
+        ) from None
