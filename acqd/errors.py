@@ -45,6 +45,6 @@ def _one_line(text: str) -> str:
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text.rstrip())
 
 
-def without_number(error: BaseException) -> str:
+def without_number(error: object) -> str:
     """What an error of a library says, without the number that the system has for the kind."""
     return re.sub(r"\[Errno -?\d+\] ", "", str(error))

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import csv
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
 import numpy as np
 
+from acqd.energy.csv_rows import read_rows
 from acqd.errors import InputError, UserError
 
 KINDS = ("program", "step", "part", "state")
@@ -30,15 +30,7 @@ def read_marks(path: Path, kind: str) -> dict[str, Marks]:
 
     A line that repeats the value of the one before is no mark: a file of parts and steps has a line for every step.
     """
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(path, f"cannot be read ({getattr(error, 'strerror', None) or error})") from None
-    delimiter = ";" if ";" in text.partition("\n")[0] else ","
-    try:
-        rows = [row for row in csv.reader(text.splitlines(), delimiter=delimiter) if row]
-    except csv.Error as error:
-        raise InputError(path, f"is no table of values ({error})") from None
+    rows, _ = read_rows(path)
     header = [name.strip().lower() for name in rows[0]] if rows else []
     for name in ("time", kind):
         if name not in header:

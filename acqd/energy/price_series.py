@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from fractions import Fraction
@@ -11,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from acqd.energy.csv_rows import read_rows
 from acqd.errors import InputError
 
 UNITS: dict[str, Fraction] = {
@@ -47,15 +47,7 @@ class Series:
 
 def read_series(path: Path, unit: str) -> Series:
     """The first two columns of a CSV file with a header (comma or semicolon). Raises InputError."""
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(path, f"cannot be read ({getattr(error, 'strerror', None) or error})") from None
-    delimiter = ";" if ";" in text.partition("\n")[0] else ","
-    try:
-        rows = [row for row in csv.reader(text.splitlines(), delimiter=delimiter) if row]
-    except csv.Error as error:
-        raise InputError(path, f"is no table of values ({error})") from None
+    rows, delimiter = read_rows(path)
     if len(rows) < 2 or len(rows[0]) < 2 or rows[0][0].strip().lower() != "time":
         raise InputError(path, "expected a header with the columns time and price, and rows below it")
     start = [_time(path, number, row) for number, row in enumerate(rows[1:], start=2)]

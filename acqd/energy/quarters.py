@@ -36,7 +36,7 @@ class Quarters:
     """Called again and again; does something when a quarter hour is complete."""
 
     def __init__(self, tariff: Callable[[], Tariff], clock: Callable[[], float] = time.time) -> None:
-        """`tariff` reads it anew, when a quarter hour is complete: files of prices grow. It may raise UserError."""
+        """`tariff` reads it again, when a quarter hour is complete: files of prices grow. It may raise UserError."""
         self._tariff, self._clock = tariff, clock
         self._done: dict[str, int] = {}
         """Unix s up to which a device is done."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import math
 import os
-import re
 import sqlite3
 import time
 from collections.abc import Iterator
@@ -16,15 +15,13 @@ from typing import Any
 import sqlalchemy as sa
 
 from acqd.atomic import private
-from acqd.errors import UserError
+from acqd.errors import UserError, without_number
 from acqd.storage.conversion import convert
 from acqd.storage.outage import is_outage
 from acqd.storage.url import parse_url, shown
 
 _PATIENCE_S = 30.0
 _LOCK_S, _STATEMENT_S = 5.0, 30.0
-_ERRNO = re.compile(r"\[Errno -?\d+\] ")
-"""Number of an error of the system, which says nothing to people."""
 _IMPATIENT = {
     "options": f"-c lock_timeout={_LOCK_S:.0f}s -c statement_timeout={_STATEMENT_S:.0f}s"
     f" -c idle_in_transaction_session_timeout={_STATEMENT_S:.0f}s",
@@ -250,4 +247,4 @@ def _advice(engine: sa.Engine) -> str:
 
 def first_line(error: sa.exc.DBAPIError) -> str:
     """What the database or its driver says, in one line."""
-    return _ERRNO.sub("", (str(error.orig).strip().splitlines() or [type(error.orig).__name__])[0])
+    return without_number((str(error.orig).strip().splitlines() or [type(error.orig).__name__])[0])

@@ -163,7 +163,7 @@ def test_a_budget_needs_the_prices_of_what_is_used_and_no_others(engine, tmp_pat
     tariff = ends(tmp_path, today, today + 24 * HOUR)
     found = standing(engine, tariff=tariff, per="day", EUR=100.0)
     assert found.used == pytest.approx(18, abs=0.1) and found.forecast == pytest.approx(36, abs=0.2)
-    assert "at the rate of this day so far" in found.text, "a forecast without prices is none"
+    assert "at the rate of this day so far" in found.text, "no forecast without prices"
     tariff = ends(tmp_path, today - 48 * HOUR, today)
     assert "cannot be watched" in standing(engine, tariff=tariff, per="day", EUR=100.0).text
     assert standing(engine, tariff=tariff, per="day", kWh=30.0).state == "exceeded"

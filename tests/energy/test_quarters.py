@@ -58,7 +58,7 @@ def lines(engine):
 
 
 def spot(folder, hours, price=100):
-    """A series of `hours` prices from 22:00 UTC; as a function that reads it anew."""
+    """A series of `hours` prices from 22:00 UTC; as a function that reads it again."""
     first = T0 // 3600 * 3600
     text = "".join(f"{datetime.fromtimestamp(first + 3600 * k, UTC).isoformat()},{price}\n" for k in range(hours))
     (folder / "prices.csv").write_text("time,price\n" + text)

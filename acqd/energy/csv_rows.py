@@ -1,0 +1,22 @@
+"""Rows of a CSV file with comma or semicolon, as spreadsheets write them."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+from acqd.errors import InputError
+
+
+def read_rows(path: Path) -> tuple[list[list[str]], str]:
+    """Fields of the rows that are not empty, and the delimiter. Raises InputError."""
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(path, f"cannot be read ({getattr(error, 'strerror', None) or error})") from None
+    delimiter = ";" if ";" in text.partition("\n")[0] else ","
+    try:
+        rows = [row for row in csv.reader(text.splitlines(), delimiter=delimiter) if row]
+    except csv.Error as error:
+        raise InputError(path, f"is no table of values ({error})") from None
+    return rows, delimiter
