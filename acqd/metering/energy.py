@@ -96,7 +96,7 @@ class EnergyRegister:
     def add_part(self, counts: list[float], power: list[float]) -> EnergyColumns:
         """Add what is left of a window with samples missing, [phases], and read the registers.
 
-        `power` is the mean over whole cycles, in any unit; NaN where there are none, or where it is not known: then the
+        `power` is the mean over whole cycles, in any unit; NaN without any, or where it is not known: then the
         direction is that of the whole window before. A part of a cycle may have energy against the direction, for
         reactive power swings: that is added with the next window. Otherwise each gap could export what nobody has
         exported, and W of an importing phase would fall.
