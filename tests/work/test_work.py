@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 from acqd.dataset.resample import resampled
 from acqd.models.segments import Segment
 from acqd.robot import load_description
+from acqd.robot.labels import from_numbers
 from acqd.robot.log import in_time, read_log
 from acqd.work.cycle_energy import cycle_energy
 from acqd.work.cycles import cycles_of
-from acqd.robot.labels import from_numbers
 from acqd.work.labels import labelled
 from tests.commands import acqd_here, refused
 from tests.places import ROOT
@@ -108,9 +108,10 @@ def dataset(tmp_path_factory):
     (folder / "power.csv").write_text("\n".join([*rows, ""]))
     (folder / "logs").mkdir()
     names = ",".join(["timestamp", *(f"actual_q_{k}" for k in range(AXES)), "runtime_state", "part", "module"])
+    modules = [_MODULES[k % 3] if k >= 0 else "" for k in number]
     lines = [
-        f"{when:.6f}," + ",".join(f"{x:.8f}" for x in row) + f",{2 if k >= 0 else 1},{k},{_MODULES[int(k) % 3] if k >= 0 else ''}"
-        for when, row, k in zip(t, q, number, strict=True)
+        f"{when:.6f}," + ",".join(f"{x:.8f}" for x in row) + f",{2 if k >= 0 else 1},{k},{module}"
+        for when, row, k, module in zip(t, q, number, modules, strict=True)
     ]
     (folder / "logs" / "a.csv").write_text("\n".join([names, *lines, ""]))
     (folder / "robot.toml").write_text(own_description())
@@ -128,7 +129,8 @@ _MODULES = ("Greifen", "Fügen 2", "Ablegen")
 def own_description():
     """The UR10e with columns of parts and programs, which the user names."""
     shipped = ROOT / "acqd" / "robot" / "descriptions" / "ur10e.toml"
-    return shipped.read_text().replace('state = "runtime_state"', 'state = "runtime_state"\npart = "part"\nprogram = "module"')
+    state = 'state = "runtime_state"'
+    return shipped.read_text().replace(state, f'{state}\npart = "part"\nprogram = "module"')
 
 
 def test_outliers_have_a_cause_and_sums_are_the_measured_energy(dataset, tmp_path):
