@@ -25,6 +25,10 @@ class WebSection(Section):
     """Folder with results of `acqd close-loop`; its newest report is shown, and proposals are written there."""
     loop: bool = False
     """Whether the page may search for the cause of an alarm, and replace the model when somebody confirms that."""
+    files: bool = False
+    """Whether the page takes files of visitors and closes the loop on them; results go to `reports`."""
+    files_MB: float = Field(default=500.0, gt=0, le=20_000)
+    """Of the files of one visitor at a time; as much again must stay free on the disk."""
     logs: FileName | None = None
     """Folder of the robot's logs, as for the sidecar."""
     model: FileName | None = None
@@ -37,4 +41,6 @@ class WebSection(Section):
             raise ValueError(
                 f"loop is true, but {' and '.join(missing)} {'is' if len(missing) == 1 else 'are'} not set"
             )
+        if self.files and self.reports is None:
+            raise ValueError("files is true, but reports is not set")
         return self

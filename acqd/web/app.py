@@ -21,12 +21,15 @@ from starlette.routing import Route
 from acqd.daemon.health.query import SERVICES, Answer, ask
 from acqd.daemon.health.runbook import entry_for
 from acqd.errors import UserError
+from acqd.report.arm_view import ASSETS as OF_REPORTS
+from acqd.report.arm_view import ON_DEMAND
 from acqd.storage.database import read_database
 from acqd.web.access import Access
 from acqd.web.answers import HEADERS, NOT_KEPT, as_response
 from acqd.web.archived import second
 from acqd.web.energy import EnergyOfDays
 from acqd.web.export import lines
+from acqd.web.files_routes import FilesRoutes
 from acqd.web.history import Span, devices, history
 from acqd.web.hub import Hub
 from acqd.web.loop_routes import LoopRoutes
@@ -51,9 +54,12 @@ class Site:
         self.hub = Hub(settings.broker, self._posture)
         self._scope = Scope(settings.health)
         self._loop = LoopRoutes(settings, self._database)
+        self._files = FilesRoutes(settings, self._loop.job)
+        self._loop.others = lambda: self._files.files.running
         self._days = EnergyOfDays(settings.energy)
         self._engine: sa.Engine | None = None
-        self._assets = {path.name for path in _ASSETS.iterdir() if path.suffix in _SUFFIXES}
+        self._assets = {path.name: path for path in _ASSETS.iterdir() if path.suffix in _SUFFIXES}
+        self._assets |= {name: OF_REPORTS / name for name in ON_DEMAND}
 
     def app(self) -> Starlette:
         """To be served."""
@@ -62,9 +68,10 @@ class Site:
             "/report": self._report, "/api/history": self._history, "/api/devices": self._devices,
             "/api/health": self._health, "/api/window": self._window, "/api/predictions": self._predictions,
             "/api/course": self._course, "/api/report": self._newest, "/api/energy": self._energy,
-            "/api/export": self._export,
+            "/api/arm": self._arm, "/api/export": self._export,
         }  # fmt: skip
         routes = [*(Route(path, endpoint) for path, endpoint in gets.items()), *self._loop.routes()]
+        routes += self._files.routes()
         hosts = frozenset({self._settings.host, "127.0.0.1", "localhost", "[::1]"})
         guard = Middleware(Access, token=self._settings.token, hosts=hosts)
         return Starlette(routes=routes, middleware=[guard], lifespan=self._lifespan)
@@ -75,6 +82,7 @@ class Site:
         yield
         task.cancel()
         await self._loop.job.cancel()
+        await self._files.files.cancel()
 
     async def _page(self, _: Request) -> Response:
         return FileResponse(_ASSETS / "index.html", headers=HEADERS)
@@ -83,7 +91,7 @@ class Site:
         name = request.path_params["name"]
         if name not in self._assets:
             return Response("no such file", 404)
-        return FileResponse(_ASSETS / name, headers=HEADERS | {"cache-control": "no-cache"})
+        return FileResponse(self._assets[name], headers=HEADERS | {"cache-control": "no-cache"})
 
     async def _events(self, _: Request) -> Response:
         headers = NOT_KEPT | {"x-accel-buffering": "no"}
@@ -131,8 +139,10 @@ class Site:
         return StreamingResponse(lines(engine, span, end), headers=NOT_KEPT | attached, media_type="text/csv")
 
     async def _predictions(self, _: Request) -> Response:
-        posture = {"robot": self._posture.robot, "note": self._posture.note}
-        return await self._answer(lambda engine: {"logs": logs(engine), "posture": posture})
+        return await self._answer(lambda engine: {"logs": logs(engine), "note": self._posture.note})
+
+    async def _arm(self, _: Request) -> Response:
+        return as_response(self._posture.as_json())
 
     async def _course(self, request: Request) -> Response:
         return await self._answer(lambda engine: course(engine, request.query_params.get("sha256", "")))

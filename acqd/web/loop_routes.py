@@ -7,6 +7,7 @@ has a header that other sites cannot set without a permission that is never give
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
 from typing import Any
 
 import orjson
@@ -34,6 +35,8 @@ class LoopRoutes:
         """`engine`: function that opens the database. It raises UserError."""
         self._settings, self._section, self._engine = settings, settings.section, engine
         self.job = LoopJob(settings)
+        self.others: Callable[[], bool] = lambda: False
+        """Whether other work takes the cores that a search needs."""
 
     def routes(self) -> list[Route]:
         """GET the state; POST start, cancel, apply."""
@@ -78,6 +81,8 @@ class LoopRoutes:
         return guarded
 
     async def _start(self, body: dict[str, Any], _: Request) -> None:
+        if self.others():
+            raise UserError("files are being worked through: wait, or cancel that")
         device, since_s = str(body.get("device", "")), float(body["since"])
         await asyncio.to_thread(lambda: self.job.start(self._engine(), device, since_s))
         self.job.run()
