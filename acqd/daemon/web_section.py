@@ -8,6 +8,26 @@ from acqd.daemon.section import Port
 from acqd.section import FileName, Section
 
 
+class ProxySection(Section):
+    """`[web.proxy]`: people log in at a reverse proxy, which names them in headers."""
+
+    secret_file: FileName
+    """Holds what the proxy sends as X-Acqd-Proxy: without it no header is believed, and no request answered."""
+    user_header: str = "X-Auth-Request-User"
+    groups_header: str = "X-Auth-Request-Groups"
+    """Groups are separated by commas."""
+    read: list[str] = Field(default=[])
+    """Groups that may look."""
+    act: list[str] = Field(default=[])
+    """Groups that may also search, bring files and replace the model."""
+
+    @model_validator(mode="after")
+    def _somebody(self) -> ProxySection:
+        if not self.read and not self.act:
+            raise ValueError("read and act name no group: nobody could look")
+        return self
+
+
 class WebSection(Section):
     """Where the page is served, and which folders it shows."""
 
@@ -19,6 +39,8 @@ class WebSection(Section):
     port: Port = 8731
     token: str = Field(default="", repr=False)
     """Asked for in the address; empty: none on loopback, elsewhere a new one per start."""
+    proxy: ProxySection | None = None
+    """Roles behind a reverse proxy; they replace the token."""
     robot: str = ""
     """Robot whose posture is drawn; empty: none."""
     reports: FileName | None = None

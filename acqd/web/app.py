@@ -35,6 +35,7 @@ from acqd.web.hub import Hub
 from acqd.web.loop_routes import LoopRoutes
 from acqd.web.posture import Posture
 from acqd.web.predictions import course, logs
+from acqd.web.proxy import BehindProxy, acts
 from acqd.web.reports import REPORT_POLICY, newest_report, summary
 from acqd.web.runbook import runbook_page
 from acqd.web.scope import Scope, ScopeError
@@ -72,9 +73,14 @@ class Site:
         }  # fmt: skip
         routes = [*(Route(path, endpoint) for path, endpoint in gets.items()), *self._loop.routes()]
         routes += self._files.routes()
+        return Starlette(routes=routes, middleware=[self._door()], lifespan=self._lifespan)
+
+    def _door(self) -> Middleware:
+        proxy = self._settings.section.proxy
+        if proxy is not None:
+            return Middleware(BehindProxy, secret=self._settings.proxy_secret, section=proxy)
         hosts = frozenset({self._settings.host, "127.0.0.1", "localhost", "[::1]"})
-        guard = Middleware(Access, token=self._settings.token, hosts=hosts)
-        return Starlette(routes=routes, middleware=[guard], lifespan=self._lifespan)
+        return Middleware(Access, token=self._settings.token, hosts=hosts)
 
     @contextlib.asynccontextmanager
     async def _lifespan(self, _: Starlette) -> AsyncIterator[None]:
@@ -171,11 +177,14 @@ class Site:
             self._engine = read_database(self._settings.database)
         return self._engine
 
-    async def _health(self, _: Request) -> Response:
+    async def _health(self, request: Request) -> Response:
         section = self._settings.health
         answers = await asyncio.gather(*(asyncio.to_thread(ask, section, service) for service in SERVICES))
         links = {text: entry.anchor for each in answers if each for text in _said(each) if (entry := entry_for(text))}
-        page = {"viewers": self.hub.viewers, "lost": self.hub.lost, "connected": self.hub.connected}
+        page = {
+            "viewers": self.hub.viewers, "lost": self.hub.lost, "connected": self.hub.connected,
+            "files": self._settings.section.files and acts(request),
+        }  # fmt: skip
         return as_response(
             {"services": [asdict(each) for each in answers if each is not None], "page": page, "runbook": links}
         )

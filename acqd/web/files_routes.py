@@ -15,6 +15,7 @@ from acqd.web.answers import HEADERS, NOT_KEPT, as_response
 from acqd.web.files import Files
 from acqd.web.job import LoopJob
 from acqd.web.loop_routes import own_request
+from acqd.web.proxy import acts
 from acqd.web.reports import REPORT_POLICY
 from acqd.web.settings import WebSettings
 
@@ -41,8 +42,8 @@ class FilesRoutes:
             *(Route(f"/api/files/{name}", self._guarded(work), methods=["POST"]) for name, work in posts.items()),
         ]
 
-    async def _state(self, _: Request) -> Response:
-        return as_response(self._shown())
+    async def _state(self, request: Request) -> Response:
+        return as_response(self._shown() if acts(request) else {"enabled": False})
 
     def _shown(self) -> dict[str, Any]:
         return {"enabled": True, **self.files.as_json()} if self._section.files else {"enabled": False}

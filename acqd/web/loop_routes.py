@@ -21,6 +21,7 @@ from acqd.web.answers import as_response
 from acqd.web.applying import LOG, applied, apply
 from acqd.web.job import LoopJob
 from acqd.web.predictions import alarms
+from acqd.web.proxy import acts, named
 from acqd.web.reports import summary
 from acqd.web.settings import WebSettings
 
@@ -44,8 +45,8 @@ class LoopRoutes:
         posts = [Route(f"/api/loop/{name}", self._guarded(work), methods=["POST"]) for name, work in changes.items()]
         return [Route("/api/loop", self._state), *posts]
 
-    async def _state(self, _: Request) -> Response:
-        return as_response(await asyncio.to_thread(self._shown))
+    async def _state(self, request: Request) -> Response:
+        return as_response(await asyncio.to_thread(self._shown) if acts(request) else {"enabled": False})
 
     def _shown(self) -> dict[str, Any]:
         if not self._section.loop:
@@ -96,7 +97,7 @@ class LoopRoutes:
         if state.state != "done" or body["folder"] != state.folder:
             raise UserError("this proposal is not the newest; look at the newest one first")
         assert self._section.reports is not None and self._section.model is not None
-        reports, address = self._section.reports, request.client.host if request.client else ""
+        reports, address = self._section.reports, named(request)
         proposal, name = reports / state.folder / "result" / "model", str(body["name"])
         await asyncio.to_thread(apply, proposal, self._section.model, reports / LOG, name, address)
 

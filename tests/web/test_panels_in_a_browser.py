@@ -82,13 +82,18 @@ UNWEIGHED = ("/events", "/arm", "/three")
 """The view of the arm is loaded when there is a posture, and three.js when the arm comes into sight."""
 
 
-def in_three_dimensions(page, publisher, device):
+def in_three_dimensions(page, client, device):
     """The arm in sight, with the prediction of its posture by cause."""
     page.evaluate("document.getElementById('arm').scrollIntoView()")
     shows(page, "#posture .hint", "arrow keys")
-    said = {"time": 2.0, "P_predicted": 90.0, "causes": {"standby": 60.0, "copper": 30.0}, "joints": [["copper", 5.0]] * 7}
-    publisher.publish(f"acqd/{device}/prediction/live", orjson.dumps(said))
-    publisher.publish(f"acqd/{device}/joints", b'{"time": 2, "q": [0, 0.6, 0, -1.4, 0, 1.1, 0]}')
+    said = {
+        "time": 2.0,
+        "P_predicted": 90.0,
+        "causes": {"standby": 60.0, "copper": 30.0},
+        "joints": [["copper", 5.0]] * 7,
+    }
+    client.publish(f"acqd/{device}/prediction/live", orjson.dumps(said))
+    client.publish(f"acqd/{device}/joints", b'{"time": 2, "q": [0, 0.6, 0, -1.4, 0, 1.1, 0]}')
     shows(page, "#posture .layers li:has-text('copper')", "30.0 W")
     assert page.get_attribute("#posture input[type=range]", "aria-valuetext").endswith("predicted 90.0 W")
 
@@ -134,7 +139,7 @@ def test_every_panel_shows_its_data_and_nothing_is_wrong(page_of_all, publisher)
             shows(page, "#wave-figures", "230.0 V")
             shows(page, "#alarm", "The residual has changed since 2025-10-09")
             shows(page, "#course-note", "residual from 20.0 to 20.0 W")
-            shows(page, "#posture-note", "iiwa7_r800: the flange is 0.58, 0.00, 0.52 m from the base")
+            shows(page, "#posture-note", "iiwa7_r800: the flange is 0.59, 0.00, 0.44 m from the base")
             assert not page.evaluate("'THREE' in window")  # it is loaded when the arm comes into sight
             shows(page, "#report", "A missing effect was found.")
             shows(page, "#report", "mass 2.04 kg (1.9 to 2.2); confidence 97 %")

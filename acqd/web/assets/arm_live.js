@@ -20,8 +20,8 @@ const armLive = (() => {
   }
 
   function motionOf({ postures: all, rows, predicted }) {
-    const late = all.at(-1).time - (predicted.at(-1)?.time ?? 0); // predictions come a few rows later
-    const postures = late < LATE_S ? all.filter(({ time }) => time <= predicted.at(-1).time + NEAR_S) : all;
+    const said = predicted.at(-1)?.time ?? -Infinity; // predictions come a few rows later
+    const postures = all.at(-1).time - said < LATE_S ? all.filter(({ time }) => time <= said + NEAR_S) : all;
     const first = kept.first ??= all[0].time, row = nearest(rows), split = nearest(predicted);
     const known = predicted.findLast(({ causes }) => causes)?.causes, names = known ? Object.keys(known) : predicted.length ? ["predicted"] : [];
     const rowsOf = postures.map(({ time }) => row(time)?.P ?? NaN), says = postures.map(({ time }) => split(time));

@@ -2,6 +2,12 @@
 {
   const KINDS = { waveform: "waveform", power: "power", log: "log", part: "part", unknown: "not read", "": "waiting" };
   const LOOK_MS = 1000, visit = crypto.getRandomValues(new Uint32Array(2)).join("-");
+  $("health-section").insertAdjacentHTML("beforebegin", `<section aria-labelledby="files" id="files-section" hidden><h2 id="files">Your files</h2>
+    <div class="controls drop"><label>Waveforms, logs of the robot, rows of power: drop them on the page, or choose <input type="file" multiple id="files-input"></label><button type="button" id="files-cancel" hidden>Cancel</button></div>
+    <p class="note" id="files-note" role="status"></p><progress id="files-progress" max="1" value="0" aria-label="Progress of the files" hidden></progress>
+    <div class="scroll" tabindex="0" role="region" aria-label="Files" hidden><table id="files-table"><thead><tr><th scope="col">file</th><th scope="col">kind</th><th scope="col">what was seen</th></tr></thead><tbody></tbody></table></div>
+    <ul id="files-results"></ul>
+    </section>`);
   let state = { state: "idle" }, sending = false, timer = 0;
 
   function show(now) {

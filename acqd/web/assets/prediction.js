@@ -60,9 +60,8 @@
   }
 
   // the scripts of the arm are loaded with the first posture, and three.js when the arm comes into sight
-  const script = (name) => new Promise((done, failed) => document.head.append(Object.assign(document.createElement("script"), { src: `/assets/${name}`, onload: done, onerror: failed })));
   async function arm() {
-    document.head.append(Object.assign(document.createElement("link"), { rel: "stylesheet", href: "/assets/arm.css" }));
+    style("arm.css");
     for (const name of ["arm.js", "arm_live.js"]) await script(name);
     await armLive.begin(script);
     shown.arm = armLive;
