@@ -51,7 +51,7 @@ def status(app, method, path, **headers):
 
     named = [(name.replace("_", "-").encode(), value.encode()) for name, value in headers.items()]
     scope = {"type": "http", "method": method, "path": path, "headers": named, "query_string": b"", "scheme": "http"}
-    asyncio.run(app(scope | {"client": ("127.0.0.1", 1), "http_version": "1.1"}, receive, send))
+    asyncio.run(app(scope | {"client": ("127.0.0.1", 1), "asgi": {"spec_version": "2.4"}}, receive, send))
     return answers[0]["status"], b"".join(answer.get("body", b"") for answer in answers).decode()
 
 

@@ -23,6 +23,7 @@ from acqd.errors import OperationError
 NOTEBOOKS = Path(__file__).parents[2] / "docs" / "notebooks"
 MACHINE_PATH = re.compile(r"(?<![\w./])/(?:home|root|tmp|var|work|usr|opt|Users|private)/[\w.+/-]+")
 """An absolute path in a text."""
+_COLOURS = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
 _TIMEOUT_S = 1200
 _KEPT = ("text/plain", "text/html", "image/png")
 
@@ -58,7 +59,12 @@ def _portable(output: dict[str, Any], folder: Path) -> dict[str, Any]:
 
 def _plain(text: str | list[str], folder: Path) -> list[str]:
     """Lines as Jupyter stores them."""
-    without = "".join(text).replace(f"{folder}/", "").replace(str(folder), ".").replace(str(Path.home()), "~")
+    without = (
+        _COLOURS.sub("", "".join(text))
+        .replace(f"{folder}/", "")
+        .replace(str(folder), ".")
+        .replace(str(Path.home()), "~")
+    )
     left = MACHINE_PATH.search(without)
     if left:
         raise OperationError(f"an output has the path {left.group()}: print a name instead")

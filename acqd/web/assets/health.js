@@ -85,7 +85,11 @@
   async function health() {
     try {
       const { services, runbook, page } = await (await fetch("/api/health")).json();
-      if (page.files && !$("files-section") && style("files.css")) await script("files.js");
+      if (page.files && !view.files) {
+        view.files = true;
+        style("files.css");
+        await script("files.js");
+      }
       const body = $("services").tBodies[0];
       while (body.rows.length > services.length) body.deleteRow(-1);
       services.forEach((service, k) => {
