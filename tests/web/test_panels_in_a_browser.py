@@ -78,8 +78,8 @@ WIRING = {
 }
 
 
-UNWEIGHED = ("/events", "/arm", "/three")
-"""The view of the arm is loaded when there is a posture, and three.js when the arm comes into sight."""
+UNWEIGHED = ("/events", "/arm", "/three", "/files")
+"""Loaded later: the arm with a posture, three.js when the arm comes into sight, files where [web] takes them."""
 
 
 def in_three_dimensions(page, client, device):
@@ -109,7 +109,7 @@ def page_of_all(mosquitto, tmp_path):
     (result / "report.json").write_text(json.dumps(_RESULT))
     database = str(tmp_path / "power.sqlite")
     alarm = predict(database)
-    section = WebSection(robot="iiwa7_r800", reports=tmp_path / "loops")
+    section = WebSection(robot="iiwa7_r800", reports=tmp_path / "loops", files=True)
     broker = BrokerAddress("127.0.0.1", mosquitto.port)
     served = Served(WebSettings(broker, database, health, port=free_port(), section=section))
     yield served, alarm
@@ -154,6 +154,7 @@ def test_every_panel_shows_its_data_and_nothing_is_wrong(page_of_all, publisher)
             shows(page, "#boxes tr:has-text('cell1')", "late 9, gap 3")
             shows(page, "#cycles h3", "MAIN_FAST of cell1")
             assert page.is_hidden("#loop-controls")
+            shows(page, "#files-section", "drop them on the page")
             page.focus("#hold")
             page.keyboard.press("Enter")
             assert page.get_attribute("#hold", "aria-pressed") == "true"

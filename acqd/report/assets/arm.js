@@ -177,7 +177,7 @@ const acqdArm = (() => {
         return bands;
       });
       const total = this.layers.length ? this.layers[0].W.map((_, k) => this.layers.reduce((sum, { W }) => sum + W[k], 0)) : [];
-      this.lines = this.kind === "predicted" ? [["predicted", "total", total], ["measured", "measured", motion.measured]] : this.layers.length > 1 ? [["measured minus predicted", "total", total]] : [];
+      this.lines = this.kind === "predicted" ? [["predicted", "total", total], ["measured", "measured", motion.measured]] : this.layers.length > 1 ? [["residual", "total", total]] : [];
       this.node.firstChild.textContent = this.layers.length > 1 ? this.title : this.title.replace(" by cause", "");
       const drawn = this.lines.flatMap(([, , values]) => values).filter(Number.isFinite);
       this.low = drawn.concat(below).reduce((a, b) => Math.min(a, b), 0);
