@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 
 import orjson
 
@@ -34,12 +35,15 @@ class Posture:
         return {"robot": self.robot, "note": self.note, "frames": self._frames, "colours": CAUSES}
 
     def joints(self, payload: bytes) -> dict[str, object] | None:
-        """Time [Unix s] and positions [rad or m] of a message of acqd/DEVICE/joints; None where they are unusable."""
+        """Time [Unix s] and positions [rad or m] of a message of acqd/DEVICE/joints; None where they are unusable.
+
+        A message without a time is of now.
+        """
         try:
             message = orjson.loads(payload)
-            time_s, q = float(message["time"]), [float(angle) for angle in message["q"][:_MOST_JOINTS]]
-        except (orjson.JSONDecodeError, KeyError, TypeError, ValueError):
+            time_s, q = float(message.get("time", time.time())), [float(angle) for angle in message["q"][:_MOST_JOINTS]]
+        except (orjson.JSONDecodeError, AttributeError, KeyError, TypeError, ValueError):
             return None
-        if len(q) != self._axes or not all(map(math.isfinite, (time_s, *q))):
+        if not self._axes or len(q) != self._axes or not all(map(math.isfinite, (time_s, *q))):
             return None
         return {"time": time_s, "q": [round(angle, 4) for angle in q]}
