@@ -69,6 +69,7 @@ class Box:
             windows=now.windows + earlier.windows,
             cycles=now.cycles,
             synchronised=now.synchronised,
+            register_trouble=now.register_trouble,
         )
 
     async def run(self) -> None:

@@ -92,6 +92,7 @@ class FeedOfBoxes:
             all(clocks) if clocks else None,
             sum((each.windows for each in boxes), Windows()),
             boxes,
+            next((each.register_trouble for each in boxes if each.register_trouble), ""),
         )
 
     def window(self, device: str) -> tuple[str, SampledWindow | None] | None:

@@ -19,6 +19,8 @@ from acqd.uptime import start_id
 _log = logging.getLogger(__name__)
 _BLOCK = 4096
 """Bytes of a block of the disk."""
+_JUST_S = 5.0
+"""Age of the readings of a run that was killed and is started again, written once a second [s]."""
 _PATIENCE_S = 5.0
 """How long a start waits for a disk that does not give the register out."""
 
@@ -50,7 +52,8 @@ class RegisterFile:
 
     def __init__(self, folder: Path, device: str) -> None:
         self._path = folder / f"energy-{device}.json"
-        self._failed = False
+        self.trouble = ""
+        """Why the file cannot be written, else empty."""
         self.others: Any = None
         """State of the registers besides energy, as JSON; None before `load`, or where there are none."""
         self.refused = False
@@ -63,6 +66,20 @@ class RegisterFile:
             return Run(str(run["boot"]), int(run["seq"]), bool(run["closed"]), str(run["start"]))
         except (OSError, ValueError, KeyError, TypeError):
             return None
+
+    def unfinished(self) -> Run | None:
+        """The last run, if rows may have left whose energy no disk has; else None.
+
+        Its power was cut; or it has not ended and its last readings are not of just before this start: then the disk
+        took nothing at the end, or the start is late, and a question costs little.
+        """
+        run = self.last_run()
+        if run is None or run.closed:
+            return None
+        with contextlib.suppress(OSError):
+            if not run.cut_off and abs(time.time() - self._path.stat().st_mtime) < _JUST_S:
+                return None
+        return run
 
     def load(self, phases: int) -> list[tuple[float, float]] | None:
         """Each phase's (imported, exported) [kWh]; None: start from zero."""
@@ -128,11 +145,11 @@ class RegisterFile:
             if first:
                 self._confirm_names()
         except OSError as error:
-            if not self._failed:
+            if not self.trouble:
                 _log.error("%s cannot be written: %s", self._path, error.strerror)
-            self._failed = True
+            self.trouble = f"{self._path} cannot be written: {error.strerror}"
         else:
-            self._failed = False
+            self.trouble = ""
 
     def _write(self, content: bytes) -> None:
         """Write into the blocks of the file before last, which then changes its name with the last one.

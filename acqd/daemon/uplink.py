@@ -18,7 +18,7 @@ import orjson
 from acqd.changes import StateLog
 from acqd.daemon.config import Config
 from acqd.daemon.instance import claimant
-from acqd.daemon.register import RegisterFile
+from acqd.daemon.register import RegisterFile, Run
 from acqd.telemetry import topics
 from acqd.telemetry.ask import Claimant
 from acqd.telemetry.connector import Connector
@@ -49,8 +49,9 @@ _AT_ONCE = 16
 """Topics of one question: fewer than the messages that any broker takes at once."""
 _LEFT_BEHIND_S, _STRANGERS_S = 60.0, 5.0
 """Spools of other names change when somebody starts a daemon there."""
-_ANSWER_S = 5.0
-"""How long the first row after a power cut waits for a sink that knows the last rows before it."""
+_ANSWER_S, _LOOK_S = 5.0, 1.0
+"""How long the first row waits for a sink that knows the last rows before it: after a power cut; after a run that has
+not ended and whose registers are not of its end."""
 
 
 class Uplink:
@@ -65,7 +66,8 @@ class Uplink:
         self._spool = Spool(folder, config.spool.limits())
         me = me or claimant(config.state_dir, uuid.uuid4().hex[:12], take_name=False)
         self.name = Name(me)
-        self._last_rows = LastRows(_cut_off(config.state_dir, devices))
+        self._unfinished = _unfinished(config.state_dir, devices)
+        self._last_rows = LastRows({name: run.boot.partition(".")[0] for name, run in self._unfinished.items()})
         greet = partial(self._put_greeting, status)
         self.started: list[asyncio.Task[None]] = []
         self._delivery = Delivery(
@@ -86,7 +88,7 @@ class Uplink:
         self._refused: dict[str, str] = {}
         self._folder = folder
         self._register_times = OnceAMinute()
-        self._sync_failed = self._warned = False
+        self._sync_trouble, self._warned = "", False
         self._left_behind = ""
         self._cuts: dict[str, bool] = {}
         self._alone_since = time.monotonic()
@@ -99,11 +101,13 @@ class Uplink:
         return self._spool.readings(device) or before
 
     async def last_rows(self, device: str) -> Known | None:
-        """What a sink and the broker know of the last rows before a power cut; None: there was none."""
+        """What a sink and the broker know of the last rows of a run that did not end; None: there was no such run."""
         self.tasks()
         self._delivery.say()
-        known = await self._last_rows.of(device, _ANSWER_S)
-        self._cuts[device] = known is not None and known.answered
+        cut = device in self._unfinished and self._unfinished[device].cut_off
+        known = await self._last_rows.of(device, _ANSWER_S if cut else _LOOK_S)
+        if cut:
+            self._cuts[device] = known is not None and known.answered
         return known
 
     def newest(self, device: str, boot: str) -> int:
@@ -205,7 +209,7 @@ class Uplink:
             spool_limit_bytes=spool.max_bytes,
             spool_age_s=round(spool.age_s, 3),
             damaged_bytes=spool.damaged_bytes,
-            disk_trouble=spool.trouble,
+            disk_trouble=spool.trouble or self._sync_trouble,
             reading_trouble=spool.reading_trouble,
             left_behind=self._left_behind,
             deleted=spool.deleted,
@@ -222,17 +226,19 @@ class Uplink:
 
     async def _sync(self) -> None:
         """Make the rows of the last second safe from power loss, in a thread: a disk may take its time."""
+        changed: set[Path] = set()
         while True:
             begun, self.latest = time.monotonic(), self.counters()
             self._watch_for_sinks()
             self._say_name()
             try:
-                await asyncio.to_thread(confirm, self._spool.unconfirmed())
-                self._sync_failed = False
+                changed |= self._spool.unconfirmed()
+                await asyncio.to_thread(confirm, changed)
+                changed, self._sync_trouble = set(), ""
             except OSError as error:
-                if not self._sync_failed:
+                if not self._sync_trouble:
                     _log.error("spool: the disk does not confirm rows (%s)", error.strerror)
-                self._sync_failed = True
+                self._sync_trouble = f"the disk does not confirm rows: {error.strerror}"
             await asyncio.sleep(max(0.0, begun + _SYNC_S - time.monotonic()))
 
     async def _watch_other_names(self, state_dir: Path) -> None:
@@ -331,7 +337,7 @@ class Uplink:
             )
 
 
-def _cut_off(state_dir: Path | None, devices: Sequence[str]) -> dict[str, str]:
-    """Devices whose last run has ended with the power of this computer, and its boot."""
-    runs = {} if state_dir is None else {device: RegisterFile(state_dir, device).last_run() for device in devices}
-    return {device: run.boot.partition(".")[0] for device, run in runs.items() if run is not None and run.cut_off}
+def _unfinished(state_dir: Path | None, devices: Sequence[str]) -> dict[str, Run]:
+    """Devices whose last run may have sent rows whose energy no disk has."""
+    runs = {} if state_dir is None else {device: RegisterFile(state_dir, device).unfinished() for device in devices}
+    return {device: run for device, run in runs.items() if run is not None}

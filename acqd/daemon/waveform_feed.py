@@ -117,10 +117,10 @@ class WaveformFeed:
     async def start(self) -> None:
         """Start MAIN_FAST. Raises UserError when its source cannot be used."""
         if self._sent is not None and self._register is not None:
-            run = self._register.last_run()
-            if run is not None and run.cut_off:
+            run = self._register.unfinished()
+            if run is not None:
                 self._cut, self._before = run, await self._sent.last_rows(self._config.device)
-                self._unconfirmed = self._before is None or not self._before.answered
+                self._unconfirmed = run.cut_off and (self._before is None or not self._before.answered)
         await self._executive.start()
         self._refused = prioritise("MAIN_SLOW", self._config.realtime.slow_priority)
         self._begun = time.monotonic()
@@ -175,6 +175,7 @@ class WaveformFeed:
             self._cycles,
             executive.clock.synchronised,
             self._tally.total(),
+            register_trouble=self._register.trouble if self._register is not None else "",
         )
 
     def window(self, device: str) -> tuple[str, SampledWindow | None] | None:

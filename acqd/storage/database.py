@@ -23,12 +23,19 @@ from acqd.storage.url import parse_url, shown
 _PATIENCE_S = 30.0
 _LOCK_S, _STATEMENT_S = 5.0, 30.0
 _IMPATIENT = {
-    "options": f"-c lock_timeout={_LOCK_S:.0f}s -c statement_timeout={_STATEMENT_S:.0f}s"
-    f" -c idle_in_transaction_session_timeout={_STATEMENT_S:.0f}s",
     # A server that has vanished without a word: detected within half a minute.
     **{"keepalives": 1, "keepalives_idle": 10, "keepalives_interval": 5, "keepalives_count": 3},
     "tcp_user_timeout": 30_000,
 }
+_LIMITS = "; ".join(
+    f"SET LOCAL {name} = '{seconds:.0f}s'"
+    for name, seconds in (
+        ("lock_timeout", _LOCK_S),
+        ("statement_timeout", _STATEMENT_S),
+        ("idle_in_transaction_session_timeout", _STATEMENT_S),
+    )
+)
+"""Said in each transaction: a pooler takes no options, and lends a connection for a transaction only."""
 _OTHER_TABLES = ("no such table", "no such column")
 _OTHER_TABLES_STATES = ("42P01", "42703")
 """Undefined table and column: SQLite says it in words, PostgreSQL by SQLSTATE."""
@@ -184,8 +191,12 @@ def engine_for(url: str, *, impatient: bool = False) -> sa.Engine:
             engine = sa.create_engine(parsed, connect_args={"timeout": _LOCK_S if impatient else _PATIENCE_S})
             sa.event.listen(engine, "connect", _sqlite_settings)
             return engine
-        arguments: dict[str, Any] = {"connect_timeout": 5, **(_IMPATIENT if impatient else {})}
-        return sa.create_engine(parsed, pool_pre_ping=True, connect_args=arguments)
+        # A statement that was prepared on one connection of a pooler is unknown on the next one.
+        arguments = {"connect_timeout": 5, "prepare_threshold": None, **(_IMPATIENT if impatient else {})}
+        engine = sa.create_engine(parsed, pool_pre_ping=True, connect_args=arguments)
+        if impatient:
+            sa.event.listen(engine, "begin", lambda connection: connection.exec_driver_sql(_LIMITS))
+        return engine
     except ModuleNotFoundError as error:
         raise UserError(
             f"database {shown(parsed)} needs the {error.name} package: pip install 'acqd[postgres]'"

@@ -56,18 +56,27 @@ class Guard:
 
     def _check_file(self) -> None:
         """Before anything connects: SQLite would make a file where none is."""
-        if self._path is not None and self._identity is not None and not self._path.exists():
+        if self._path is not None and self._identity is not None and self._stat() is None:
             self._engine.dispose()
             raise self._away("the file was moved away or deleted while the sink ran; put it back, or restart the sink")
 
     def _check_connection(self, connection: sa.Connection) -> None:
         if self._path is None:
             return
-        opened = connection.connection.info.get("file")
-        now = os.stat(self._path)
-        if opened is not None and opened != (now.st_dev, now.st_ino):
+        opened, now = connection.connection.info.get("file"), self._stat()
+        if opened is not None and (now is None or opened != (now.st_dev, now.st_ino)):
             connection.invalidate()
             raise self._away("the file was replaced while the sink ran; opening the new one")
+
+    def _stat(self) -> os.stat_result | None:
+        """Of the file; None where it is not there. Raises DatabaseAwayError where its disk or share does not say."""
+        assert self._path is not None
+        try:
+            return os.stat(self._path)
+        except FileNotFoundError:
+            return None
+        except OSError as error:
+            raise self._away(error.strerror or str(error)) from None
 
     def _check_state(self, connection: sa.Connection) -> int:
         """Number of the last commit of this sink in the database."""

@@ -64,7 +64,7 @@ class Sink:
         """Without `prepared`, the database is away, and opened when it comes."""
         self._address, self._engine, self._prepared = address, engine, prepared
         self._settings = settings or SinkSettings()
-        self._tls = address.tls_context()
+        address.tls_context()  # files that cannot be used are an error of the start
         self._writer = Writer(engine, self._settings.malformed_bytes_per_day, self._settings.client_id, witness)
         self._quarantining = Repeats(_log)
         self._version = V5 if self._settings.mqtt5 else V311
@@ -109,6 +109,7 @@ class Sink:
                     said = ""
                 elif self._announced:  # a client of the same name may have taken the connection over
                     failure += f" (does another sink use the client_id {self._settings.client_id}?)"
+                self.counters.broker_trouble = failure
                 if failure != said:
                     _say(self._address, failure)
                 said = failure
@@ -144,7 +145,7 @@ class Sink:
     def _session(self, committer: Committer, stop: Callable[[], bool]) -> None:
         """One connection. Raises SubscriberError when it ends."""
         self._arrived, self._held, self._under_way, self._announced = [], 0, 0, False
-        subscriber = Subscriber(self._address, self._tls, hello(self._address, self._settings, self._version))
+        subscriber = Subscriber(self._address, hello(self._address, self._settings, self._version))
         try:
             subscriber.connect()
             self._subscriber = subscriber
@@ -247,7 +248,7 @@ class Sink:
             raise SubscriberError(f"{subscriber.refused}; check the broker's access rules for {topics.ALL_POWER}")
         if self._announced or not subscriber.subscribed:
             return
-        self._announced = True
+        self._announced, self.counters.broker_trouble = True, ""
         for topic in subscriber.refused_topics:
             _log.warning("the broker refuses %s: rows that come there are not stored; check its access rules", topic)
         subscriber.publish(topics.sink_status(self._settings.client_id), self._announcement(), retain=True)

@@ -38,6 +38,8 @@ class SinkCounters:
     reconnects: int = -1
     last_commit: float | None = None
     """Monotonic time of the last commit."""
+    broker_trouble: str = ""
+    """Why there is no connection to the broker; empty while there is one."""
     database_trouble: str = ""
     """Why the database takes no rows; empty while it does."""
     database_returns: int = 0

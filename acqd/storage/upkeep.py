@@ -79,6 +79,8 @@ class Upkeep:
             return work()
         except sa.exc.DBAPIError as error:
             self._say(part, f"{first_line(error)}; trying again")
+        except OSError as error:
+            self._say(part, f"{error.strerror or error}; trying again")
         except UserError as error:
             self._say(part, str(error))
         except Exception as error:

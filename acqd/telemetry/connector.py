@@ -51,7 +51,7 @@ class Connector:
         self._client_id = client_id
         self._status_topic = status_topic
         self._greeting = greeting
-        self._tls = address.tls_context()
+        address.tls_context()  # files that cannot be used are an error of the start
         self._failure = ""
         self.state: State = "connecting"
         self.delivered = 0
@@ -61,10 +61,13 @@ class Connector:
 
     @property
     def trouble(self) -> str:
-        """What is wrong with connections that are made and lost again and again, else empty."""
+        """Why there is no connection, or what is wrong with connections that are lost again and again, else empty."""
         if self._short < _SHORT:
-            return ""
-        return f"connections end within seconds: does another daemon use the device name of {self._client_id}?"
+            return self._failure if self.state == "connecting" else ""
+        return (
+            f"connections end within seconds: does another daemon use the device name of {self._client_id}, or does "
+            "the broker refuse what is sent (its log, max_packet_size)?"
+        )
 
     async def run(self) -> None:
         """Connect, deliver, reconnect. Raises UserError at first contact, with `must_connect` only."""
@@ -113,7 +116,7 @@ class Connector:
 
     async def _session(self) -> None:
         will = Message(self._status_topic, OFFLINE, retain=True)
-        async with Session(self._address, self._tls, self._client_id, will, self._outbox) as session:
+        async with Session(self._address, self._client_id, will, self._outbox) as session:
             self.reconnects += 1
             self.state, self._failure = "connected", ""
             _log.info("connected to broker %s", self._address)

@@ -10,6 +10,7 @@ import threading
 import time
 from collections.abc import Callable
 
+from acqd.errors import UserError
 from acqd.telemetry.mqtt import BrokerAddress, dial, pending
 
 _PIECE = 1 << 16
@@ -91,10 +92,11 @@ class LoopSocket:
                 return
 
 
-async def reach(address: BrokerAddress, tls: ssl.SSLContext | None, timeout: float) -> Socket:
+async def reach(address: BrokerAddress, timeout: float) -> Socket:
     """Name look-up, TCP and TLS, in a thread: they block, and the loop must keep metering.
 
-    Not in the loop's thread pool: the daemon would have to wait for it when it stops. Raises OSError and ValueError.
+    Not in the loop's thread pool: the daemon would have to wait for it when it stops. Raises OSError,
+    ValueError and UserError.
     """
     loop = asyncio.get_running_loop()
     reached: asyncio.Future[Socket] = loop.create_future()
@@ -110,8 +112,8 @@ async def reach(address: BrokerAddress, tls: ssl.SSLContext | None, timeout: flo
 
     def connect() -> None:
         try:
-            result: Socket | Exception = dial(address, tls, timeout)
-        except (OSError, ValueError) as error:
+            result: Socket | Exception = dial(address, timeout)
+        except (OSError, ValueError, UserError) as error:
             result = error
         with contextlib.suppress(RuntimeError):  # the loop has closed meanwhile
             loop.call_soon_threadsafe(tell, result)
@@ -120,6 +122,6 @@ async def reach(address: BrokerAddress, tls: ssl.SSLContext | None, timeout: flo
     return await reached
 
 
-def in_words(error: OSError | ValueError) -> str:
+def in_words(error: Exception) -> str:
     """Why a connection failed."""
     return getattr(error, "strerror", None) or str(error)

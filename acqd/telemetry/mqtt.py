@@ -61,13 +61,18 @@ NO_DELAY = [(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)]
 """Socket options: without this a row waits for the acknowledgement of the one before (Nagle)."""
 
 
-def dial(address: BrokerAddress, tls: ssl.SSLContext | None, timeout: float) -> socket.socket | ssl.SSLSocket:
-    """A connection by TCP and, where wanted, TLS, which does not block any more. Raises OSError and ValueError."""
+def dial(address: BrokerAddress, timeout: float) -> socket.socket | ssl.SSLSocket:
+    """A connection by TCP and, where wanted, TLS, which does not block any more.
+
+    Certificates are read for each connection: they end, and are replaced while services run. Raises OSError,
+    ValueError, and UserError for files that cannot be used.
+    """
     plain = socket.create_connection((address.host, address.port), timeout)
     try:
         with contextlib.suppress(OSError):
             for option in NO_DELAY:
                 plain.setsockopt(*option)
+        tls = address.tls_context()
         sock = tls.wrap_socket(plain, server_hostname=address.host) if tls is not None else plain
         sock.setblocking(False)
     except BaseException:

@@ -56,8 +56,7 @@ async def refused(
     """Topics that the broker refuses, with its reason. None: it does not say, as one without MQTT 5."""
     will = Message(topics.ask(device), b"{}")  # nobody understands it
     try:
-        tls = address.tls_context()
-        async with Session(address, tls, client_id, will, _Nothing(), version=wire.V5) as session:
+        async with Session(address, client_id, will, _Nothing(), version=wire.V5) as session:
             session.send(*messages)
             deadline = time.monotonic() + _ANSWER_S
             while len(session.window) and time.monotonic() < deadline:

@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import ssl
 import time
 from collections.abc import Sequence
 from types import TracebackType
 from typing import Any
 
+from acqd.errors import UserError
 from acqd.telemetry import wire
 from acqd.telemetry.loop_socket import LoopSocket, in_words, reach
 from acqd.telemetry.message import Message, Outbox
@@ -40,7 +40,6 @@ class Session:
     def __init__(
         self,
         address: BrokerAddress,
-        tls: ssl.SSLContext | None,
         client_id: str,
         will: Message,
         outbox: Outbox,
@@ -48,7 +47,7 @@ class Session:
         version: int = wire.V311,
     ) -> None:
         """`outbox` gets acknowledgements and the messages of subscriptions."""
-        self._address, self._tls, self._outbox, self._version = address, tls, outbox, version
+        self._address, self._outbox, self._version = address, outbox, version
         self._hello = Hello(
             version, client_id, _KEEP_ALIVE_S, address.username, address.password, will.topic, will.payload,
             session_s=0, receive_maximum=65_535, largest_packet=_LARGEST, clean=True, keep_will=will.retain,
@@ -69,8 +68,8 @@ class Session:
     async def __aenter__(self) -> Session:
         """Connect. Raises SessionError."""
         try:
-            sock = await reach(self._address, self._tls, _CONNECT_S)
-        except (OSError, ValueError) as error:
+            sock = await reach(self._address, _CONNECT_S)
+        except (OSError, ValueError, UserError) as error:
             raise SessionError(in_words(error)) from None
         self._socket = LoopSocket(sock, self._take, self._end)
         try:

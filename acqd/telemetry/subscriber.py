@@ -12,6 +12,7 @@ import ssl
 import time
 from collections.abc import Sequence
 
+from acqd.errors import UserError
 from acqd.telemetry import wire
 from acqd.telemetry.mqtt import BrokerAddress, dial
 from acqd.telemetry.wire import Hello, Packets, Publish
@@ -30,8 +31,8 @@ class SubscriberError(Exception):
 class Subscriber:
     """`connect`, then `receive` again and again."""
 
-    def __init__(self, address: BrokerAddress, tls: ssl.SSLContext | None, hello: Hello) -> None:
-        self._address, self._tls, self._hello = address, tls, hello
+    def __init__(self, address: BrokerAddress, hello: Hello) -> None:
+        self._address, self._hello = address, hello
         self._packets = Packets(hello.version, hello.largest_packet)
         self._socket: socket.socket | ssl.SSLSocket | None = None
         self._out = bytearray()
@@ -56,8 +57,8 @@ class Subscriber:
     def connect(self) -> None:
         """Reach the broker and be accepted. Raises SubscriberError."""
         try:
-            self._socket = dial(self._address, self._tls, _CONNECT_S)
-        except (OSError, ValueError) as error:
+            self._socket = dial(self._address, _CONNECT_S)
+        except (OSError, ValueError, UserError) as error:
             raise SubscriberError(getattr(error, "strerror", None) or str(error)) from None
         self._out += wire.connect(self._hello)
         deadline = time.monotonic() + _ANSWER_S

@@ -35,6 +35,10 @@ _REASONS = {
     (V5, 0x8E): "session taken over",
     (V5, 0x93): "receive maximum exceeded",
     (V5, 0x95): "packet too large",
+    (V5, 0x97): "quota exceeded",
+    (V5, 0x9A): "retained messages are not supported, and acqd needs them",
+    (V5, 0x9B): "QoS 1 is not supported, and acqd needs it",
+    (V5, 0x9F): "connection rate exceeded",
 }
 
 

@@ -109,3 +109,16 @@ def test_a_register_that_the_disk_does_not_give_out_at_once_is_asked_for_again(t
     with mock.patch.object(Path, "read_bytes", read), mock.patch.object(module, "_PATIENCE_S", 0.0):
         assert RegisterFile(tmp_path, "cell1").load(1) is None
     assert (tmp_path / "energy-cell1.old").exists(), "kept for a person"
+
+
+def test_the_last_run_is_asked_about_where_the_disk_may_lack_its_end(tmp_path):
+    register = RegisterFile(tmp_path, "cell1")
+    assert register.unfinished() is None
+    register.save([(1.0, 0.0)], run=Run("a", 7, closed=True))
+    assert register.unfinished() is None, "it has ended in order"
+    register.save([(1.0, 0.0)], run=Run("a", 8))
+    assert register.unfinished() is None, "killed a moment ago: the kernel has what it wrote"
+    os.utime(tmp_path / "energy-cell1.json", (1.0, 1.0))
+    assert register.unfinished() == Run("a", 8), "the disk took nothing at the end"
+    register.save([(1.0, 0.0)], run=Run("a", 9, start="00" * 16))
+    assert register.unfinished() == Run("a", 9, start="00" * 16), "a power cut"

@@ -111,3 +111,17 @@ def test_a_mistyped_url_ends_the_sink_with_one_line_without_the_secret(url):
     done = acqd_here("sink", "--database", url)
     assert done.returncode == 2 and len(done.stderr.strip().splitlines()) == 1
     assert "hu@sh" not in done.stderr and "hush" not in done.stderr
+
+
+def test_limits_of_time_hold_in_each_transaction_and_need_no_options_of_the_connection(postgres):
+    """A pooler refuses options, and lends its connections for a transaction."""
+    engine = engine_for(postgres, impatient=True)
+    with engine.connect() as connection:
+        names = ("statement_timeout", "lock_timeout", "idle_in_transaction_session_timeout")
+        assert [connection.exec_driver_sql(f"SHOW {name}").scalar() for name in names] == ["30s", "5s", "30s"]
+        connection.rollback()
+        driver = connection.connection.driver_connection
+        assert driver.prepare_threshold is None
+        driver.autocommit = True
+        assert driver.execute("SHOW statement_timeout").fetchone() == ("0",)
+    engine.dispose()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import shutil
 import subprocess
@@ -109,3 +110,22 @@ def test_a_killed_writer_leaves_what_it_committed(tmp_path):
     )
     subprocess.run([sys.executable, "-c", program], check=False, env=dict(os.environ))
     assert count(open_database(str(path))) == 50
+
+
+@pytest.mark.parametrize("error", [errno.ESTALE, errno.EIO])
+def test_a_share_that_does_not_say_whether_the_file_is_there_is_waited_for(tmp_path, monkeypatch, error):
+    writer, real, away = Writer(open_database(str(tmp_path / "a.sqlite"))), os.stat, []
+    writer.write([message(row(0))])
+
+    def stat(path, *args, **names):
+        if away and str(path).endswith("a.sqlite"):
+            raise OSError(error, os.strerror(error))
+        return real(path, *args, **names)
+
+    monkeypatch.setattr(os, "stat", stat)
+    away.append(True)
+    with pytest.raises(DatabaseAwayError, match=os.strerror(error)):
+        writer.write([message(row(1))])
+    away.clear()
+    writer.write([message(row(1))])
+    assert count(open_database(str(tmp_path / "a.sqlite"))) == 2

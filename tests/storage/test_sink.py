@@ -169,11 +169,13 @@ def test_a_refused_password_is_said_and_tried_again(mosquitto, tmp_path, caplog)
     thread = threading.Thread(target=sink.run, args=(stop.is_set,))
     thread.start()
     wait_for(lambda: "refused the connection" in caplog.text, "the refusal is said")
+    assert sink.counters.broker_trouble in ("not authorized", "bad user name or password")
     mosquitto.stop()
     mosquitto.extra = "allow_anonymous true\n"
     mosquitto.start()
     wait_for(lambda: sink.connected, "the sink connects")
     assert caplog.text.count("refused the connection") == 1
+    wait_for(lambda: not sink.counters.broker_trouble, "nothing is wrong any more")
     stop.set()
     thread.join(LIMIT_S)
 

@@ -182,7 +182,7 @@ def test_mqtt_5_is_refused_at_once_and_3_1_1_accepted():
 
 def attempt(port, version):
     hello = Hello(version, "t", 10, None, None, "t/will", b"", 0, 0, 1 << 16)
-    subscriber = Subscriber(BrokerAddress(port=port), None, hello)
+    subscriber = Subscriber(BrokerAddress(port=port), hello)
     try:
         subscriber.connect()
     except SubscriberError as error:

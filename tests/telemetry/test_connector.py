@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import shutil
 import signal
 import subprocess
 
@@ -12,6 +13,7 @@ import pytest
 from acqd.daemon.publish import Publisher
 from acqd.errors import UserError
 from acqd.telemetry.mqtt import BrokerAddress
+from acqd.telemetry.rights import refused
 from tests.telemetry.clients import collect, connector, delivery, put, stop
 from tests.waiting import finish, until
 
@@ -128,9 +130,16 @@ def test_tls_with_a_private_ca(mosquitto):
     async def scenario():
         outbox = delivery()
         put(outbox, [0])
-        address = BrokerAddress(port=mosquitto.port, tls=True, ca_file=folder / "cert.pem")
-        running = asyncio.create_task(connector(address, outbox).run())
+        address = BrokerAddress(port=mosquitto.port, tls=True, ca_file=folder / "ca.pem")
+        shutil.copy(folder / "cert.pem", folder / "ca.pem")
+        sending = connector(address, outbox)
+        (folder / "ca.pem").write_text("half writ")
+        running = asyncio.create_task(sending.run())
+        await until(lambda: "ca_file" in sending.trouble, "the file that is being replaced is named")
+        assert await refused(address, "t-rights", "t", []) is None, "and stops nobody"
+        shutil.copy(folder / "cert.pem", folder / "ca.pem")
         await until(lambda: not len(outbox), "the broker has everything")
+        assert not sending.trouble
         await stop(running)
 
     finish(scenario())

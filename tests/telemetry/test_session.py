@@ -47,7 +47,7 @@ def test_a_connection_that_is_reset_before_connect_is_written_is_a_failed_attemp
     monkeypatch.setattr("acqd.telemetry.loop_socket.dial", opened)
 
     async def scenario():
-        session = Session(BrokerAddress(port=port), None, "t", Message("t/status", b""), delivery())
+        session = Session(BrokerAddress(port=port), "t", Message("t/status", b""), delivery())
         with pytest.raises(SessionError):
             async with session:
                 pass
@@ -96,7 +96,7 @@ def test_packets_that_arrive_byte_by_byte_are_understood():
     inbox = _Inbox()
 
     async def scenario():
-        async with Session(BrokerAddress(port=port), None, "t", Message("t/status", b""), inbox) as session:
+        async with Session(BrokerAddress(port=port), "t", Message("t/status", b""), inbox) as session:
             session.send(Message("t/x", b"one", tag="first"), Message("t/x", b"two", tag="second"))
             await until(lambda: inbox.heard, "the message has come")
             assert len(session.window) == 1
@@ -113,7 +113,7 @@ def test_a_broker_that_speaks_no_mqtt_or_nothing_is_left(answer, monkeypatch):
 
     async def scenario():
         with pytest.raises(SessionError, match=r"malformed|no answer to CONNECT"):
-            async with Session(BrokerAddress(port=port), None, "t", Message("t/status", b""), _Inbox()):
+            async with Session(BrokerAddress(port=port), "t", Message("t/status", b""), _Inbox()):
                 pass
 
     asyncio.run(scenario())
@@ -143,7 +143,7 @@ def test_more_than_the_socket_takes_is_sent_when_it_takes_more():
 
     async def scenario():
         address = BrokerAddress(port=server.getsockname()[1])
-        async with Session(address, None, "t", Message("t/status", b""), inbox) as session:
+        async with Session(address, "t", Message("t/status", b""), inbox) as session:
             for k in range(count):
                 session.send(Message("t", payload, tag=k))
             reading.set()

@@ -21,7 +21,7 @@ def hello(version=V5, keep_alive_s=10, **names):
 
 
 def connect(address, greeting):
-    made = Subscriber(address, address.tls_context(), greeting)
+    made = Subscriber(address, greeting)
     made.connect()
     return made
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import json
+import os
 import socket
 import subprocess
 import sys
@@ -16,7 +18,7 @@ from acqd.storage.database import open_database
 from acqd.storage.writer import Writer
 from tests.places import ROOT
 from tests.storage.rows import message, row
-from tools.studies.faults import disk
+from tools.studies.faults import disk, refusals
 from tools.studies.faults.bed import Extras, Kind
 from tools.studies.faults.faults import possible
 from tools.studies.faults.memory import how, limited, unit_limit
@@ -192,3 +194,24 @@ def test_nothing_older_than_a_second_is_lost_in_a_power_cut():
     assert done.returncode == 0, done.stderr.decode()
     found = json.loads(done.stdout)
     assert [each["kind"] for each in found] == ["sqlite", "daemon"] and all(each["good"] for each in found)
+
+
+def test_a_disk_answers_errors_to_the_calls_that_are_named_and_to_no_other_folder(tmp_path):
+    if refusals.missing():
+        pytest.skip(refusals.missing())
+    disk_ = refusals.Refusals(tmp_path / "answers", tmp_path / "here")
+    (tmp_path / "here").mkdir()
+    disk_.answer(errno.ESTALE, "stat", "sync")
+    program = (
+        "import os\n"
+        "for place in ('here', '.'):\n"
+        "    file = os.open(place + '/a', os.O_RDWR | os.O_CREAT)\n"
+        "    for call in (os.fstat, os.fsync, lambda f: os.write(f, b'x'), os.close):\n"
+        "        try:\n            call(file)\n            print('-', end='')\n"
+        "        except OSError as error:\n            print(error.errno, end=' ')\n"
+    ).replace("'here'", f"'{tmp_path}/here'")
+    environment = os.environ | disk_.environment()
+    done = subprocess.run(
+        [sys.executable, "-S", "-c", program], cwd=tmp_path, env=environment, capture_output=True, text=True, check=True
+    )
+    assert done.stdout == f"{errno.ESTALE} {errno.ESTALE} ------"

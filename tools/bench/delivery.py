@@ -201,7 +201,7 @@ async def _drain(folder: Path, port: int, round_trip_s: float) -> tuple[float, l
 
 def _listen(port: int, made: dict[int, float], late: list[float], stopped: threading.Event) -> None:
     hello = Hello(V311, "bench-listener", 10, None, None, "bench/will", b"", 0, 0, 1 << 16)
-    subscriber = Subscriber(BrokerAddress(port=port), None, hello)
+    subscriber = Subscriber(BrokerAddress(port=port), hello)
     subscriber.connect()
     subscriber.subscribe("acqd/cell1/total/power")
     while not stopped.is_set():

@@ -73,6 +73,7 @@ class DaemonHealth(ServiceHealth):
             synchronised=feed.synchronised,
             windows=feed.windows,
             boxes=feed.boxes,
+            register_trouble=feed.register_trouble,
             acknowledged=self.acknowledged,
             certificate_trouble=self.certificate_trouble,
         )

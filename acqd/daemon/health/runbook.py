@@ -84,8 +84,8 @@ RUNBOOK = (
     ),
     _entry(
         "broker-away",
-        "`broker away`",
-        "`systemctl status mosquitto`; rows wait",
+        "`broker away: ...`",
+        "the sentence says why; `systemctl status mosquitto`; rows wait",
         r"broker away",
     ),
     _entry(
@@ -121,7 +121,7 @@ RUNBOOK = (
     _entry(
         "certificate",
         "`certificate ... ends in ... days`",
-        "make another one (`config/make-certificates.sh`), copy it to its place, restart the service",
+        "make another one (`config/make-certificates.sh`) and copy it to its place; services read it when they connect",
         r"^certificate |^doctor: certificates",
     ),
     _entry(
@@ -162,9 +162,9 @@ RUNBOOK = (
     ),
     _entry(
         "unreadable",
-        "`spool: ... cannot be read: ...`",
-        "the disk, share or mount of `state_dir`; no row is deleted, they are tried again",
-        r"^spool: .*(cannot be (read|opened))",
+        "`spool: ... cannot be read: ...`, `... does not confirm rows: ...`, `energy register: ...`",
+        "the disk, share or mount of `state_dir`; no row is deleted, and the disk is tried again",
+        r"^spool: .*(cannot be (read|opened)|does not confirm)|^energy register: ",
     ),
     _entry(
         "spool",

@@ -61,6 +61,6 @@ class SinkHealth(ServiceHealth):
             recalls=counters.recalls,
             acknowledged=self.acknowledged,
             certificate_trouble=self.certificate_trouble,
-            broker=Link(sink.connected, max(counters.reconnects, 0)),
+            broker=Link(sink.connected, max(counters.reconnects, 0), counters.broker_trouble),
             database=Link(not trouble, counters.database_returns, trouble),
         )

@@ -139,6 +139,8 @@ class BoxHealth:
     windows: Windows = Windows()
     cycles: Cycles | None = None
     synchronised: bool | None = None
+    register_trouble: str = ""
+    """Why its energy register is not written to the disk, else empty."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,6 +155,8 @@ class FeedHealth:
     windows: Windows = Windows()
     boxes: tuple[BoxHealth, ...] = ()
     """Of a daemon with several sources: each of them."""
+    register_trouble: str = ""
+    """Why energy registers are not written to the disk, else empty."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -194,6 +198,8 @@ class Snapshot:
     """Which devices have two daemons."""
     certificate_trouble: str = ""
     """Which certificate ends soon."""
+    register_trouble: str = ""
+    """Why energy registers are not written to the disk."""
     upkeep_trouble: str = ""
     """Why roll-ups and retention do not run."""
     disk_days: float | None = None

@@ -51,6 +51,7 @@ def verdict(snapshot: Snapshot) -> Verdict:
         problems += _delivery_problems(snapshot.delivery)
         _counted(snapshot.delivery.dropped, seen.dropped, "messages were dropped since the start", problems, notes)
         _lost_at_once(snapshot.delivery, seen, problems, notes)
+    problems += [f"energy register: {snapshot.register_trouble}"] if snapshot.register_trouble else []
     if snapshot.archive is not None:
         problems += [f"archive: {snapshot.archive.trouble}; rows go on"] if snapshot.archive.trouble else []
         notes += [f"archive: {snapshot.archive.lost} samples were not kept"] if snapshot.archive.lost else []

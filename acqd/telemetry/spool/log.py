@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import logging
 import os
@@ -83,7 +84,7 @@ class SegmentLog:
         if self.trouble and time.monotonic() >= self._retry_at:
             self.to_disk()
         newest = self.newest
-        if newest is not None and newest.unlinked:
+        if newest is not None and not self.trouble and newest.unlinked:
             self._rescue(newest)
         if newest is None or newest.size + len(data) > self._segment_bytes or (newest.path is None and self._on_disk):
             newest = self._rotate()
@@ -213,7 +214,12 @@ class SegmentLog:
     def _take_folder(self, folder: Path) -> None:
         """Make the folder where it is missing, and lock it. Raises OSError; BlockingIOError: another acqd has it."""
         folder.mkdir(parents=True, exist_ok=True, mode=0o750)
-        lock = os.open(folder / "lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o640)
+        try:
+            lock = os.open(folder / "lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o640)
+        except OSError as error:
+            if error.errno != errno.EROFS:
+                raise
+            lock = os.open(folder / "lock", os.O_RDONLY | os.O_CLOEXEC)  # what is there can be sent
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:

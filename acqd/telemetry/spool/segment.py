@@ -75,6 +75,8 @@ class Segment:
         """No attempt to read before this monotonic time [s]."""
         self._memory = bytearray()
         self._file: int | None = None
+        self._left: Path | None = None
+        """What an attempt has left that failed: a disk that takes no bytes may not delete either."""
 
     @classmethod
     def create(cls, folder: Path | None, number: int, begun: Moment) -> Segment:
@@ -106,12 +108,16 @@ class Segment:
     def to_file(self, folder: Path) -> None:
         """Move what is in memory to a new file. Raises OSError and changes nothing."""
         path = folder / f"{self.number:016d}{SUFFIX}"
-        file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC | os.O_APPEND, _MODE)
+        new = os.O_TRUNC if path == self._left else os.O_EXCL
+        file = os.open(path, os.O_RDWR | os.O_CREAT | new | os.O_CLOEXEC | os.O_APPEND, _MODE)
         try:
             _write(file, self._memory)
         except OSError:
-            os.close(file)
-            path.unlink(missing_ok=True)
+            self._left = path
+            with suppress(OSError):
+                os.close(file)
+            with suppress(OSError):
+                path.unlink(missing_ok=True)
             raise
         self.path, self._file, self._memory = path, file, bytearray()
 
@@ -137,8 +143,11 @@ class Segment:
 
     @property
     def unlinked(self) -> bool:
-        """Whether somebody has deleted the file to which rows are appended."""
-        return self._file is not None and os.fstat(self._file).st_nlink == 0
+        """Whether somebody has deleted the file to which rows are appended; False where the disk does not say."""
+        try:
+            return self._file is not None and os.fstat(self._file).st_nlink == 0
+        except OSError:  # a share that is away: `append` meets that, too
+            return False
 
     def rescue(self) -> None:
         """Take the content of a deleted file that is still open back into memory. Raises OSError."""
@@ -173,8 +182,7 @@ class Segment:
             with suppress(OSError):
                 os.ftruncate(self._file, self.size)
         finally:
-            os.close(self._file)
-            self._file = None
+            self._release()
 
     def delete(self) -> None:
         """Remove the file. Raises OSError."""
@@ -220,7 +228,8 @@ class Segment:
 
     def _release(self) -> None:
         if self._file is not None:
-            os.close(self._file)
+            with suppress(OSError):  # the file is closed all the same; what a share did not take, `confirm` says
+                os.close(self._file)
             self._file = None
 
     def _index(self, data: bytes) -> int:
@@ -274,5 +283,8 @@ def _read(file: int, size: int, offset: int) -> bytes:
 def _write(file: int, data: bytes | bytearray) -> None:
     """All of `data`. Raises OSError, also where the disk takes only a part."""
     view = memoryview(data)
-    while view:
-        view = view[os.write(file, view) :]
+    try:
+        while view:
+            view = view[os.write(file, view) :]
+    finally:
+        view.release()  # a traceback may keep it, and nothing could be appended to `data` then

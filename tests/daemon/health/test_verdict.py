@@ -22,6 +22,8 @@ def test_a_service_that_works_is_ready_without_a_word(snapshot):
         (daemon(alive=False, last_row_age_s=None), False, "since the start"),
         (daemon(source=SourceLink(False, trouble="no answer from the PLC")), True, "no answer from the PLC"),
         (daemon(broker=Link(False)), True, "broker away"),
+        (daemon(broker=Link(False, trouble="certificate has expired")), True, "away: certificate has expired"),
+        (daemon(register_trouble="/a.json cannot be written: Stale"), True, "energy register: /a.json cannot be"),
         (daemon(delivery=Delivery(spool_bytes=91, spool_limit_bytes=100)), True, "91 % full"),
         (daemon(delivery=Delivery(disk_trouble="no space left")), True, "no space left"),
         (daemon(delivery=Delivery(reading_trouble="a.seg cannot be read: Input/output error")), True, "cannot be read"),

@@ -12,6 +12,7 @@ import subprocess
 import sys
 import tempfile
 import tracemalloc
+from contextlib import suppress
 from pathlib import Path
 from unittest import mock
 
@@ -20,7 +21,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from acqd.errors import UserError
-from acqd.telemetry.spool import Limits, Readings, Spool, SpooledRow, Stream, confirm, segment
+from acqd.telemetry.spool import Limits, Readings, Spool, SpooledRow, Stream, confirm, log, segment
 from acqd.telemetry.spool.record import energy_record, index_record, row_record
 from acqd.telemetry.spool.segment import Segment
 from acqd.uptime import Moment
@@ -487,3 +488,73 @@ def test_rows_in_memory_move_to_the_disk_at_the_end_where_it_takes_them(tmp_path
         disk.room = 10**6
         spool.close()
     assert everything(Spool(tmp_path)) == window(0)
+
+
+class Away:
+    """Calls on an open file that fail with `error` while it is set, as on a share whose server is away."""
+
+    def __init__(self, *names):
+        self.error, self._real = 0, {name: getattr(os, name) for name in names}
+
+    def __enter__(self):
+        for name in self._real:
+            setattr(segment.os, name, self._answer(name))
+        return self
+
+    def __exit__(self, *_):
+        for name, real in self._real.items():
+            setattr(segment.os, name, real)
+
+    def _answer(self, name):
+        def answer(*args, **names):
+            done = self._real[name](*args, **names) if name == "close" or not self.error else None
+            if self.error:
+                raise OSError(self.error, os.strerror(self.error))
+            return done
+
+        return answer
+
+
+@pytest.mark.parametrize("error", [errno.ESTALE, errno.EDQUOT, errno.EROFS])
+def test_a_share_that_is_away_stops_no_row_whichever_call_says_so(tmp_path, error):
+    with Away("fstat", "write", "ftruncate", "close") as share, mock.patch.object(log, "_DISK_RETRY_S", 0.0):
+        spool = Spool(tmp_path)
+        for k in range(9):
+            share.error = error if 3 <= k < 6 else 0
+            spool.append(window(k))
+            assert bool(spool.trouble) == bool(share.error)
+        share.error = error
+        with suppress(OSError):
+            spool.close()
+    assert everything(spool) == [row for k in range(9) for row in window(k)] and not spool.deleted
+
+
+def test_what_an_attempt_leaves_that_the_disk_does_not_delete_is_no_obstacle(tmp_path):
+    disk = FullDisk(50)
+    with mock.patch.object(segment.os, "write", disk), mock.patch.object(log, "_DISK_RETRY_S", 0.0):
+        spool = Spool(tmp_path)
+        with mock.patch.object(Path, "unlink", side_effect=OSError(errno.EIO, "Input/output error")):
+            spool.append(window(0))
+        assert spool.trouble and len(list(tmp_path.glob("*.seg"))) == 1
+        disk.room = 10**6
+        spool.append(window(1))
+        spool.close()
+    assert not spool.trouble and everything(Spool(tmp_path)) == window(0) + window(1)
+
+
+def test_rows_on_a_disk_that_is_read_only_are_sent(tmp_path):
+    spool, real = Spool(tmp_path), os.open
+    spool.append(window(0))
+    spool.close()
+
+    def read_only(path, flags, *mode, **names):
+        if flags & (os.O_RDWR | os.O_CREAT):
+            raise OSError(errno.EROFS, os.strerror(errno.EROFS))
+        return real(path, flags, *mode, **names)
+
+    with mock.patch.object(log.os, "open", read_only):
+        again = Spool(tmp_path)
+        again.append(window(1))
+        assert everything(again) == window(0) + window(1) and again.trouble == "Read-only file system"
+        with pytest.raises(UserError, match="in use"):
+            Spool(tmp_path)

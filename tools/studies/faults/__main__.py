@@ -30,7 +30,7 @@ from acqd.cli.main import for_people
 from acqd.errors import UserError
 from tools.common.ending import end_in_order
 from tools.common.tables import show
-from tools.studies.faults import clock, disk
+from tools.studies.faults import clock, disk, refusals
 from tools.studies.faults.bed import BROKERS, DATABASES, Extras, Kind
 from tools.studies.faults.campaign import Outcome, Plan, forget, run
 from tools.studies.faults.faults import ALL
@@ -129,11 +129,16 @@ def _name(parts: list[str], keep: Path | None, *, json: bool) -> int:
 
 def _extras(console: Console) -> Extras:
     """What this computer can do; one line about what it cannot."""
-    reasons = {"clock set": clock.missing(), "disk full": disk.missing()}
+    reasons = {"clock set": clock.missing(), "disk full": disk.missing(), "disk errors": refusals.missing()}
     for name, reason in reasons.items():
         if reason:
             console.print(f"skipped: {name} ({reason})", highlight=False)
-    return Extras(clock=not reasons["clock set"], disks=not reasons["disk full"], sidecar=True)
+    return Extras(
+        clock=not reasons["clock set"],
+        disks=not reasons["disk full"],
+        refusals=not reasons["disk errors"],
+        sidecar=True,
+    )
 
 
 def kinds_of(names: list[str]) -> list[Kind]:

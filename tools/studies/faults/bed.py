@@ -20,6 +20,7 @@ from tools.studies.faults.logs import LOG_DEVICE, RobotLogs
 from tools.studies.faults.memory import limited, unit_limit
 from tools.studies.faults.process import Process
 from tools.studies.faults.proxy import Proxy
+from tools.studies.faults.refusals import Refusals
 from tools.studies.faults.servers import ACQD, broker, postgres
 
 BROKERS = ("mosquitto", "mosquitto-memory", "embedded")
@@ -27,6 +28,8 @@ BROKERS = ("mosquitto", "mosquitto-memory", "embedded")
 DATABASES = ("sqlite", "postgres")
 DEVICE = "cell1"
 _STATE_MB, _DATABASE_MB = 96, 512
+_FOLDERS = {"daemon": "state", "sink": "database"}
+"""Where a service keeps its files."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +51,8 @@ class Extras:
     """Daemon and sink run under libfaketime, so that their clocks can be set."""
     disks: bool = False
     """Spool and database have small disks, so that they can be filled."""
+    refusals: bool = False
+    """The disks of daemon and sink answer errors when they are told to."""
     sidecar: bool = False
     """A sidecar works on robot logs."""
     daemon_memory: int | None = None
@@ -77,6 +82,11 @@ class Bed:
         self.clock, self.sink_clock = (
             self._clock(process, name) if extras.clock else None
             for process, name in ((self.daemon, "daemon"), (self.sink, "sink"))
+        )
+        self.refusals = (
+            {name: self._refusals(process, name) for name, process in (("daemon", self.daemon), ("sink", self.sink))}
+            if extras.refusals
+            else {}
         )
         self.logs = RobotLogs(folder / "logs", folder / "model") if extras.sidecar else None
         self.sidecar: Process | None = None
@@ -165,6 +175,12 @@ class Bed:
         faked = FakedClock(self.folder / f"{name}.clock")
         process.options["env"] = self.environment | faked.environment()
         return faked
+
+    def _refusals(self, process: Process, name: str) -> Refusals:
+        refusals = Refusals(self.folder / f"{name}.refusals", self.folder / _FOLDERS[name])
+        environment = process.options["env"]
+        process.options["env"] = environment | refusals.environment(environment.get("LD_PRELOAD", ""))
+        return refusals
 
     def _service(self, name: str, memory: int, *command: object) -> Process:
         config, state = self.folder / f"{name}.toml", self.folder / "state"

@@ -24,6 +24,7 @@ from tools.studies.faults.on_storage import (
     database_disk_full,
     database_moved,
     database_put_back,
+    disk_errors,
     foreign_file,
     lock,
     spool_deleted,
@@ -60,6 +61,8 @@ ALL: dict[str, Fault] = {
     "spool unreadable": spool_unreadable,
     "spool deleted": spool_deleted,
     "stopped on a full disk": stopped_on_a_full_disk,
+    "daemon's disk answers errors": disk_errors("daemon"),
+    "sink's disk answers errors": disk_errors("sink"),
 } | FAULTS
 for _name, _pick in _PROCESSES.items():
     ALL[f"{_name} killed"] = kill(_pick)
@@ -76,13 +79,17 @@ _NEEDS = {
         "clock set", "clock days ahead", "clock days behind", "sink's clock behind", "maintenance with a wrong clock",
     ),
     "disks": ("database disk full", "spool disk full", "stopped on a full disk"),
+    "refusals": ("daemon's disk answers errors", "sink's disk answers errors"),
 }  # fmt: skip
+
+_FILES = {"sink's disk answers errors"}
+"""Faults of a database that the sink itself reads and writes."""
 
 
 def possible(kind: Kind, extras: Extras) -> list[str]:
     """The faults that a bed can have."""
     without = {name for need, names in _NEEDS.items() if not getattr(extras, need) for name in names}
     without |= set() if kind.database == "postgres" else {"database crashed"}
-    without |= set() if kind.database == "sqlite" else {"database moved away", "database put back"}
+    without |= set() if kind.database == "sqlite" else {"database moved away", "database put back", *_FILES}
     without |= set() if extras.sidecar else {name for name in ALL if name.startswith("sidecar")}
     return [name for name in ALL if name not in without]

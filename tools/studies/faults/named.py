@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import re
 import shutil
 import signal
@@ -41,7 +42,7 @@ class Case:
     until: str = "stored"
     database: str = "sqlite"
     need: str = ""
-    """Of the bed: clock or disks."""
+    """Of the bed: clock, disks or refusals."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +62,7 @@ class Named:
 
 def measure(case: Case, folder: Path) -> Named:
     """Start a bed, let rows arrive, begin the fault, and ask until the status names it."""
-    extras = Extras(clock=case.need == "clock", disks=case.need == "disks")
+    extras = Extras(clock=case.need == "clock", disks=case.need == "disks", refusals=case.need == "refusals")
     bed = Bed(Kind("mosquitto", case.database), folder, extras)
     _configure(bed, case.until)
     with ExitStack() as stack:
@@ -213,6 +214,16 @@ def _spool_full(bed: Bed, fault: ExitStack) -> None:
     fault.callback(bed.disks["spool"].free)
 
 
+def _errors(*calls: str) -> Begin:
+    """The daemon's disk answers errors to some calls."""
+
+    def begin(bed: Bed, fault: ExitStack) -> None:
+        bed.refusals["daemon"].answer(errno.ESTALE, *calls)
+        fault.callback(bed.refusals["daemon"].answer, 0)
+
+    return begin
+
+
 def _daemon_ahead(bed: Bed, _fault: ExitStack) -> None:
     assert bed.clock is not None
     bed.clock.set(2 * 86_400.0)
@@ -257,6 +268,9 @@ CASES = (
     Case("the spool's folder deleted", _deleted, "daemon", "somebody deleted files of the spool"),
     Case("daemon's power cut, sink away", _power_cut, "daemon", "power cuts? before this start"),
     Case("spool's disk full, broker away", _spool_full, "daemon", "^spool: .*[Nn]o space", need="disks"),
+    Case("spool's disk takes nothing", _errors("write", "stat"), "daemon", "^spool: .*[Ss]tale", need="refusals"),
+    Case("spool's disk confirms nothing", _errors("sync"), "daemon", "^spool: .*does not confirm", need="refusals"),
+    Case("energy register not written", _errors("rename"), "daemon", "^energy register: ", need="refusals"),
     Case("daemon's clock two days ahead", _daemon_ahead, "sink", "in quarantine, .*clock", need="clock"),
     Case("sink's clock two days behind", _sink_behind, "sink", "this computer's clock", need="clock"),
     Case("broker silent", _broker_silent, "daemon", "broker away"),

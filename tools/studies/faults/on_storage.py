@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import random
 import shutil
 import signal
@@ -14,10 +15,16 @@ from pathlib import Path
 import sqlalchemy as sa
 
 from tools.studies.faults.bed import Bed
-from tools.studies.faults.fault import RESTART_S, pause
+from tools.studies.faults.fault import RESTART_S, Fault, pause
 from tools.studies.faults.on_processes import kill
 
 _WAITS_S = 30.0
+_ERRORS = (errno.EIO, errno.ESTALE, errno.EROFS, errno.ENOSPC, errno.EDQUOT, errno.EMFILE)
+_REFUSED = (
+    ("write",), ("write", "unlink"), ("sync",), ("rename",), ("open",), ("close",), ("stat",), ("read",),
+    ("open", "read", "write", "sync", "rename", "unlink", "stat", "truncate"),
+)  # fmt: skip
+"""Calls that fail together."""
 
 
 def lock(bed: Bed, chance: random.Random) -> None:
@@ -96,7 +103,8 @@ def spool_deleted(bed: Bed, chance: random.Random) -> None:
             return
         time.sleep(0.2)
     for folder in {path.parent for path in _segments(bed)}:
-        shutil.rmtree(folder)
+        while folder.exists():  # the daemon may make a file meanwhile
+            shutil.rmtree(folder, ignore_errors=True)
     proxy.mode = "silent"
     pause(chance, 1.0, 4.0)
     proxy.mode = "pass"
@@ -145,6 +153,18 @@ def foreign_file(bed: Bed, chance: random.Random) -> None:
     for path in list(_segments(bed))[:1]:
         shutil.copy(path, path.with_name(f"{path.stem} (copy).seg"))
     kill(lambda bed: bed.daemon)(bed, chance)
+
+
+def disk_errors(side: str) -> Fault:
+    """The disk of a service answers errors for some seconds, as a share that is away or a card that has become old."""
+
+    def fault(bed: Bed, chance: random.Random) -> None:
+        refusals = bed.refusals[side]
+        refusals.answer(chance.choice(_ERRORS), *chance.choice(_REFUSED))
+        pause(chance, 1.0, 5.0)
+        refusals.answer(0)
+
+    return fault
 
 
 def _segments(bed: Bed) -> Iterator[Path]:

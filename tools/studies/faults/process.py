@@ -15,6 +15,8 @@ from typing import Any
 from acqd.errors import OperationError
 
 _STOP_S = 10.0
+_START_S = 60.0
+"""Where others keep the computer busy, a start takes its time."""
 
 
 @dataclass(slots=True)
@@ -30,10 +32,10 @@ class Process:
     """Times the process ended without having been asked to."""
 
     def start(self) -> None:
-        """Start, and wait until it is ready. Raises OperationError when it is not within 20 s."""
+        """Start, and wait until it is ready. Raises OperationError when it is not within 60 s."""
         with self.log.open("ab") as log:
             self.running = subprocess.Popen(self.command, stdout=log, stderr=log, **self.options)
-        deadline = time.monotonic() + 20
+        deadline = time.monotonic() + _START_S
         while not self.ready():
             if self.running.poll() is not None or time.monotonic() > deadline:
                 raise OperationError(f"{self.command[0]} does not start; see {self.log}")

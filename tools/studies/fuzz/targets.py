@@ -97,12 +97,19 @@ def _config(folder: Path) -> object:
     return specification and specification(), config.sink.settings(), config.mqtt.uses_tls
 
 
-def _log(folder: Path) -> object:
+@cache
+def _ur10e() -> Any:
+    """A description takes longer to read than a log."""
     from acqd.robot import load_description
+
+    return load_description("ur10e")
+
+
+def _log(folder: Path) -> object:
     from acqd.sidecar.log_file import open_log
 
     path = folder / "robot.log"
-    robot = load_description("ur10e")
+    robot = _ur10e()
     with path.open("rb") as file:
         return list(open_log(path, file, robot, robot.axes).pieces(0.5))
 

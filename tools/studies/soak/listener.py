@@ -20,7 +20,7 @@ class Listener:
 
     def __init__(self, port: int, device: str) -> None:
         hello = Hello(V311, "soak-listener", 30, None, None, "soak/will", b"", 0, 0, 1 << 16)
-        self._subscriber = Subscriber(BrokerAddress(port=port), None, hello)
+        self._subscriber = Subscriber(BrokerAddress(port=port), hello)
         self._subscriber.connect()
         self._subscriber.subscribe(f"acqd/{device}/+/power")
         self.numbers: dict[str, list[int]] = defaultdict(list)
