@@ -69,8 +69,9 @@ def run(*words):
         dataset, close_loop,
         *(
             pytest.param(each, marks=pytest.mark.slow)
-            for each in (robot_check, compare, campaign, execute, trajectories, thesis, energy)
+            for each in (robot_check, compare, campaign, execute, trajectories, energy)
         ),
+        pytest.param(thesis, marks=pytest.mark.minutes),
     ],
 )  # fmt: skip
 def test_no_report_has_a_serious_accessibility_finding(make, request, tmp_path):

@@ -133,7 +133,7 @@ def campaign(*options):
     return figures
 
 
-@pytest.mark.slow
+@pytest.mark.minutes
 def test_the_status_names_every_fault_in_time():
     command = [sys.executable, "-m", "tools.studies.faults", "--named", "--json"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, check=False)
@@ -152,7 +152,7 @@ def test_three_faults_of_the_campaign():
     assert campaign("--faults", "3", *options)["faults"] == 3
 
 
-@pytest.mark.slow
+@pytest.mark.minutes
 def test_the_short_campaign():
     figures = campaign()
     assert figures["faults"] == 10 and figures["made"] > 500
@@ -184,7 +184,7 @@ def test_limits_come_from_the_units():
     assert int(done.stdout) == 300 << 20 or "RLIMIT_DATA" not in how()
 
 
-@pytest.mark.slow
+@pytest.mark.minutes
 @pytest.mark.skipif(bool(disk.missing()), reason=disk.missing())
 def test_nothing_older_than_a_second_is_lost_in_a_power_cut():
     command = [sys.executable, "-m", "tools.studies.faults.power_cut", "--postgres", "0", "--json"]

@@ -24,7 +24,7 @@ def test_notebooks_are_stored_without_output_and_compile(path):
         compile("".join(cell["source"]), path.name, "exec")
 
 
-@pytest.mark.slow
+@pytest.mark.minutes
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_notebooks_run(path, tmp_path):
     pytest.importorskip("nbclient", reason="nbclient is not installed: pip install 'acqd[notebooks]'")
@@ -50,7 +50,7 @@ def test_the_first_ten_minutes_name_commands_that_exist():
         assert words, command
 
 
-@pytest.mark.slow
+@pytest.mark.minutes
 def test_the_first_ten_minutes_run(tmp_path):
     environment = {"PATH": f"{Path(sys.executable).parent}:/usr/bin:/bin", "COLUMNS": "120", "HOME": str(tmp_path)}
     for command in commands_of(PAGE):

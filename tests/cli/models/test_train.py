@@ -31,7 +31,7 @@ def test_bad_input_is_named(study, trained, logs, tmp_path, arguments, expected)
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.slow
+@pytest.mark.slow("models")
 def test_without_a_compiler_torch_trains(study, tmp_path):
     done = acqd(
         "train",
