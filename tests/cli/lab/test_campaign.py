@@ -57,6 +57,7 @@ def test_a_fleet_on_a_real_ray_cluster(tmp_path):
     assert max(by_device["cell-01"]) != max(by_device["cell-02"])
 
 
+@pytest.mark.slow("lab")
 def test_the_use_case_has_a_twin_that_moves_differently_but_arrives_alike(study):
     campaign = study.assembly  # by acqd lab campaign --profile use-case
     truth = json.loads(campaign.with_name("assembly.truth").joinpath("truth.json").read_text())
