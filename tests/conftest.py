@@ -70,7 +70,13 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Slow tests that are not asked for leave; long tests come first, so that no worker ends alone with one."""
     config.stash[slow.CHOICE].apply(config, items)
-    items.sort(key=lambda item: -max((mark.kwargs["seconds"] for mark in item.iter_markers("long")), default=0))
+    items.sort(key=lambda item: -_seconds(item))
+
+
+def _seconds(item: pytest.Item) -> float:
+    """What a test takes, roughly."""
+    known = [mark.kwargs["seconds"] for mark in item.iter_markers("long")]
+    return max([*known, 10 * len(list(item.iter_markers("slow")))])
 
 
 @pytest.fixture(scope="session", autouse=True)

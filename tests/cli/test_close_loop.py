@@ -186,6 +186,7 @@ def test_a_withheld_term_is_named_and_comes_back(closed, tmp_path):
     assert load_bundle(tmp_path / "poor.loop" / "model").metadata["withheld"] == []
 
 
+@pytest.mark.slow("cli.robot.calibrate")
 def test_a_known_mass_calibrates_the_torques_of_the_model(closed, tmp_path):
     folder, _ = closed
     words = ("robot", "calibrate", folder / "now" / "ds", "--model", folder / "model", "--out", tmp_path / "scaled")
@@ -195,7 +196,7 @@ def test_a_known_mass_calibrates_the_torques_of_the_model(closed, tmp_path):
     assert load_bundle(tmp_path / "scaled").metadata["torque_scale"]["known_mass_kg"] == 2.0
 
 
-@pytest.mark.long(seconds=8)
+@pytest.mark.slow("cli.robot.ability")
 def test_ability_says_beforehand_what_the_motion_of_the_reference_can_tell(closed, tmp_path):
     folder, report = closed
     done = acqd_here("robot", "ability", folder / "model", "--minutes", 60, "--json")

@@ -6,9 +6,14 @@ import pytest
 from acqd.dataset.power import open_power
 from tests.campaigns import clocked, clocked_dataset, true_lags
 
+
 @pytest.fixture(
     scope="session",
-    params=["iiwa7_r800", *(pytest.param(robot, marks=pytest.mark.slow) for robot in ("ur10e", "kinova_gen3"))],
+    params=[
+        "iiwa7_r800",
+        pytest.param("ur10e", marks=pytest.mark.slow),
+        pytest.param("kinova_gen3", marks=pytest.mark.minutes),
+    ],
 )
 def campaign(request, once):
     """What was ordered, and the truth's lag of every recording."""

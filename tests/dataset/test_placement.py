@@ -51,8 +51,8 @@ def test_a_clock_just_beyond_the_search_range_is_not_met_at_its_edge(campaign, t
         assert entry["own_lag"]["s"] == pytest.approx(true[entry["name"]], abs=0.03)
 
 
-@pytest.mark.long(seconds=6)
-@pytest.mark.parametrize("step_ms", [pytest.param(20.0, marks=pytest.mark.slow), 100 / 3])
+@pytest.mark.slow
+@pytest.mark.parametrize("step_ms", [20.0, 100 / 3])
 def test_windows_of_any_length_are_aligned(cell, tmp_path, step_ms):
     made, true, time_ns, P = cell
     t, step = (time_ns - time_ns[0]) * 1e-9, step_ms / 1000
@@ -68,7 +68,7 @@ def test_windows_of_any_length_are_aligned(cell, tmp_path, step_ms):
         assert entry["lag_s"] == pytest.approx(true[entry["name"]], abs=0.010)
 
 
-@pytest.mark.long(seconds=10)
+@pytest.mark.slow
 def test_the_same_assembly_again_and_again_with_the_peak_of_its_brakes_is_placed(tmp_path):
     """Every execution fits in many places of the stream, and the peak is more than all that motion explains."""
     made = campaign_config(tmp_path, profile="use-case", assemblies=6, session=6, seed=9, clock={"offset_s": 1.24})

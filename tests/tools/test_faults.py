@@ -145,7 +145,7 @@ def test_a_fault_that_is_named_late_or_never_fails(seconds, good):
     assert Named("x", seconds, "").good == good
 
 
-@pytest.mark.long(seconds=12)
+@pytest.mark.slow("daemon", "storage")
 def test_three_faults_of_the_campaign():
     named = ("daemon killed", "broker killed", "sink: half-open")
     options = (word for name in named for word in ("--only", name))
