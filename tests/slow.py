@@ -24,7 +24,7 @@ RECORD = ROOT / "tests" / "slow.txt"
 _HEAD = """\
 # The sources on which the slow tests of a part of acqd passed, one line a part. `make test` and `make slow` write this
 # file; where a line differs from the sources, or is missing, `make test` runs the slow tests of the part (ADR 77).
-# After a conflict keep either line, or none: the merged sources have another digest.
+# Of two lines of a part, as after a merge, neither counts.
 """
 _LINE = re.compile(r"^([a-z][\w.]*) (\w+)$", re.MULTILINE)
 _MARK = re.compile(r"mark\.slow\b(?:\(([^)]*)\))?")
@@ -187,16 +187,17 @@ class Choice:
             return
         parts = {item: _guarded(item) for item in items}
         count = Counter(part for guarded in parts.values() for part in guarded)
-        gone = [item for item in items if self._leaves(item, parts[item])]
+        minutes = "minutes" in config.option.markexpr
+        gone = [item for item in items if self._leaves(item, parts[item], minutes)]
         for item in items:
             item.user_properties += [("slow", {part: count[part] for part in parts[item]})] if parts[item] else []
         if gone:
             config.hook.pytest_deselected(items=gone)
             items[:] = [item for item in items if item not in set(gone)]
 
-    def _leaves(self, item: pytest.Item, parts: Iterable[str]) -> bool:
+    def _leaves(self, item: pytest.Item, parts: Iterable[str], minutes: bool) -> bool:
         if item.get_closest_marker("minutes"):
-            return True
+            return not minutes
         return bool(parts) and not self.changed & set(parts)
 
     @pytest.hookimpl(optionalhook=True)
