@@ -1,5 +1,5 @@
 # `make demo`, `make run` and `make test` are all a newcomer needs; tools/bootstrap.sh does the work.
-.PHONY: run demo test lint bench faults soak sbom fuzz docs install clean
+.PHONY: run demo test slow lint bench faults soak sbom fuzz docs install clean
 
 run:
 	@sh tools/bootstrap.sh run $(ARGS)
@@ -10,6 +10,10 @@ demo:
 
 test:
 	@sh tools/bootstrap.sh test $(ARGS)
+
+# the slow tests of what has changed, which `make test` runs too; ARGS="--slow all" for all of them
+slow:
+	@sh tools/bootstrap.sh slow $(ARGS)
 
 lint:
 	@sh tools/bootstrap.sh lint

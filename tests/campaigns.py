@@ -59,3 +59,24 @@ def write_power(path, time_ns, P):
     rows = [f"{t / 1e9:.6f},{p:.5f}" for t, p in zip(time_ns, P, strict=True)]
     path.write_text("\n".join(["time,P", *rows, ""]))
     return str(path)
+
+
+CLOCKED = {
+    "iiwa7_r800": {"clock": {"offset_s": 30.0, "drift_ppm": 50.0}, "seed": 11},
+    "ur10e": {"clock": {"offset_s": -29.0, "drift_ppm": -50.0}, "seed": 12, "mains": {"shape": "rectifier"}},
+    "kinova_gen3": {"clock": {"offset_s": 7.3, "drift_ppm": 20.0}, "seed": 13},
+}
+
+
+def clocked(robot, once):
+    """A campaign whose clock is off: 4 recordings in limited space, 4 in all space; to look at."""
+    settings = {"robot": robot, "session": 4, "recorder": {"missing": 0.05}, "limited": 4, "all_space": 4}
+    settings |= CLOCKED[robot]
+    folder, _ = once(f"clocked-{robot}", lambda folder: measure(campaign_config(folder, **settings)))
+    return campaign_config(folder, **settings)
+
+
+def clocked_dataset(made, once):
+    """The dataset of that campaign with every default, and the report of its making."""
+    folder, report = once(f"clocked-{made.settings.robot}-dataset", lambda folder: build_dataset(made, folder / "ds"))
+    return folder / "ds", report

@@ -23,6 +23,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from acqd.telemetry.broker import free_port
+from tests import slow
 from tests.once import Once
 from tests.places import WAVEFORMS
 from tests.waiting import LIMIT_S, wait_for
@@ -40,6 +41,13 @@ def pytest_collection_finish() -> None:
     gc.freeze()
 
 
+def pytest_configure(config: pytest.Config) -> None:
+    """Slow tests run by what has changed."""
+    choice = slow.Choice.of(config)
+    config.stash[slow.CHOICE] = choice
+    config.pluginmanager.register(choice)
+
+
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     """For `--dist loadgroup` with three workers or more."""
@@ -49,9 +57,26 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     return OneWaits(config, log) if many else None
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Long tests first, so that no worker is left alone with one at the end."""
-    items.sort(key=lambda item: -max((mark.kwargs["seconds"] for mark in item.iter_markers("long")), default=0))
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """What `make test` and `make slow` ask for."""
+    parser.addoption(
+        "--slow",
+        choices=("changed", "all", "none"),
+        help="which slow tests run: of changed sources, which is then recorded, all, or none (the default without -m)",
+    )
+
+
+@pytest.hookimpl(tryfirst=True)  # before -m and -k: how many slow tests guard a part is counted here
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Slow tests that are not asked for leave; long tests come first, so that no worker ends alone with one."""
+    config.stash[slow.CHOICE].apply(config, items)
+    items.sort(key=lambda item: -_seconds(item))
+
+
+def _seconds(item: pytest.Item) -> float:
+    """What a test takes, roughly."""
+    known = [mark.kwargs["seconds"] for mark in item.iter_markers("long")]
+    return max([*known, 10 * len(list(item.iter_markers("slow")))])
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -21,12 +21,17 @@ def waits(nodeid: str) -> bool:
 class OneWaits(LoadGroupScheduling):
     """The first worker takes the tests that wait, the others those that compute; who has none left helps the rest.
 
-    In the order of the rooms all workers would wait at the same time, and later compute at the same time.
+    In the order of the rooms all workers would wait at the same time, and later compute at the same time. A module's
+    tests stay together: every worker that ran one of them would make the module's fixtures.
     """
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
         self._exhausted: set[bool] = set()
+
+    def _split_scope(self, nodeid: str) -> str:
+        scope: str = super()._split_scope(nodeid)  # the group of a test that has one
+        return scope.partition("::")[0]
 
     def _assign_work_unit(self, node: Any) -> None:
         wanted = node is self.nodes[0]

@@ -27,3 +27,9 @@ def test_one_worker_takes_what_waits_and_whoever_has_none_left_helps_the_other()
     for worker in (first, second, second, second):
         schedule._assign_work_unit(worker)
     assert first.sent == [2] and second.sent == [0, 1, 3]
+
+
+def test_a_module_and_a_group_stay_together():
+    schedule = OneWaits.__new__(OneWaits)
+    ids = ("tests/a/test_b.py::test_c[x::y]", "tests/a/test_b.py::test_d", "tests/a/test_b.py::test_e@torch")
+    assert [schedule._split_scope(one) for one in ids] == ["tests/a/test_b.py", "tests/a/test_b.py", "torch"]

@@ -1,7 +1,7 @@
 #!/bin/sh
 # Sets up .venv and runs, tests or measures acqd: what `make run|test|bench` do, for a machine without make.
-#   sh tools/bootstrap.sh run [arguments of acqd run, or --demo KIND] | demo [arguments of acqd try] | test | lint |
-#   bench | faults | sbom [EXTRA] | install EXTRA
+#   sh tools/bootstrap.sh run [arguments of acqd run, or --demo KIND] | demo [arguments of acqd try] | test | slow |
+#   lint | bench | faults | sbom [EXTRA] | install EXTRA
 set -eu
 cd "$(dirname "$0")/.."
 venv=${ACQD_VENV:-.venv}
@@ -108,6 +108,24 @@ install_browser() {
     say "chromium could not be installed: the tests of pages are skipped"
 }
 
+install_tests() {
+    { install_servers && install_browser; } & # both mostly wait for the network
+    servers=$!
+    trap 'wait' EXIT # leave no installation behind that still runs
+    install browser
+    wait $servers
+    # Where it is set, hundreds of processes would each compile every module that they import again.
+    unset PYTHONDONTWRITEBYTECODE
+}
+
+# Three workers take one test after the other, the long ones first (tests/conftest.py): one those that wait for
+# devices and brokers, two those that compute (tests/schedule.py). Slow tests run where their sources have changed
+# (tests/slow.py). At the end: why tests failed or were skipped.
+run_tests() {
+    compile_once
+    "$venv/bin/python" -m pytest -n 3 --dist loadgroup --no-loadscope-reorder --slow changed -rfEs "$@"
+}
+
 # stops at the first check that complains
 lint() {
     "$venv/bin/ruff" check acqd tests tools
@@ -159,15 +177,15 @@ lint)
     install dev
     lint
     ;;
+slow)
+    install_tests
+    status=0
+    run_tests -m slow "$@" || status=$?
+    [ $status = 5 ] || exit $status # 5: no test selected, because nothing has changed
+    ;;
 test)
-    { install_servers && install_browser; } & # both mostly wait for the network
-    servers=$!
-    trap 'wait' EXIT # leave no installation behind that still runs
-    install browser
-    wait $servers
-    # Where it is set, hundreds of processes would each compile every module that they import again.
-    unset PYTHONDONTWRITEBYTECODE
-    [ $# -gt 0 ] || say "lint, types, layers and all tests: several minutes on two idle cores"
+    install_tests
+    [ $# -gt 0 ] || say "lint, types, layers and tests: about eight minutes on two idle cores, more where slow tests have to run"
     begun=$(date +%s)
     complaints=$(mktemp)
     # while tests wait for devices and brokers there is time for the checks
@@ -175,11 +193,8 @@ test)
     checks=$!
     trap 'kill $checks 2>/dev/null || true; rm -f "$complaints"
           took=$(($(date +%s) - begun)); say "make test took $((took / 60)) min $((took % 60)) s"' EXIT
-    compile_once
     status=0
-    # Three workers take one test after the other, the long ones first (tests/conftest.py): one those that wait for
-    # devices and brokers, two those that compute (tests/schedule.py).
-    "$venv/bin/python" -m pytest -n 3 --dist loadgroup --no-loadscope-reorder "$@" || status=$?
+    run_tests "$@" || status=$?
     if wait $checks; then
         say "lint, types and layers: no complaints"
     else
@@ -200,7 +215,7 @@ faults | soak)
     exec "$venv/bin/python" -m "tools.studies.$command" "$@"
     ;;
 *)
-    say "usage: sh tools/bootstrap.sh run|demo|test|lint|bench|faults|soak|sbom|install"
+    say "usage: sh tools/bootstrap.sh run|demo|test|slow|lint|bench|faults|soak|sbom|install"
     exit 2
     ;;
 esac

@@ -27,7 +27,7 @@ OF_SEQUENCES = {
 }
 
 
-@pytest.mark.parametrize("network", ["7x1dim", "3conv1x5", "grey-box"])
+@pytest.mark.parametrize("network", ["7x1dim", "3conv1x5", pytest.param("grey-box", marks=pytest.mark.slow)])
 def test_checks_of_scikit_learn(network):
     from sklearn.utils.estimator_checks import check_estimator
 

@@ -1,15 +1,28 @@
-"""Models trained on the campaign of the thesis' quick reproduction; to look at, not to write into."""
+"""A campaign, its dataset, and models trained on it; to look at, not to write into."""
 
 import json
 from pathlib import Path
 
 import pytest
 
+from tests.campaigns import clocked, clocked_dataset
 from tests.commands import acqd_here, without_workers
 
 
 @pytest.fixture(scope="session")
-def trained(study, once):
+def campaign(once):
+    """Folder of a campaign of the laboratory."""
+    return clocked("iiwa7_r800", once).out
+
+
+@pytest.fixture(scope="session")
+def training(once):
+    """Folder of the campaign's dataset."""
+    return clocked_dataset(clocked("iiwa7_r800", once), once)[0]
+
+
+@pytest.fixture(scope="session")
+def trained(training, once):
     """The folder of the bundles, and what `acqd train` says of each, by name."""
 
     def make(folder):
@@ -21,7 +34,7 @@ def trained(study, once):
             ("3conv1x5", ("--epochs", 5)),
         ):
             with without_workers():
-                done = acqd_here("train", study.training, "--network", network, *more, "--models", folder, "--json")
+                done = acqd_here("train", training, "--network", network, *more, "--models", folder, "--json")
             assert done.returncode == 0, done.stderr
             for bundle in json.loads(done.stdout):
                 results[Path(bundle["bundle"]).name] = bundle
@@ -31,6 +44,6 @@ def trained(study, once):
 
 
 @pytest.fixture(scope="session")
-def logs(study):
+def logs(campaign):
     """Of the campaign, in the order of their sessions."""
-    return sorted((study.out / "training" / "logs").rglob("*.log"))
+    return sorted((campaign / "logs").rglob("*.log"))

@@ -46,7 +46,7 @@ def test_close_loop_names_the_payload_and_writes_what_the_design_says(closed):
     assert "simulated data" in page and "payload: a year" in page and page.count('<svg role="img"') >= 6
 
 
-@pytest.mark.slow
+@pytest.mark.slow("cli.close_loop")
 def test_the_augmented_bundle_predicts_and_can_be_closed_on_again(closed, tmp_path):
     folder, report = closed
     augmented = folder / "now" / "ds.loop" / "model"
@@ -64,7 +64,7 @@ def test_the_augmented_bundle_predicts_and_can_be_closed_on_again(closed, tmp_pa
     assert found["effects"][0]["parameters"]["mass"]["value"] == pytest.approx(-2.0, rel=0.2)
 
 
-@pytest.mark.slow
+@pytest.mark.slow("cli.close_loop")
 def test_the_same_seed_gives_the_same_report(closed, tmp_path):
     folder, report = closed
     again = acqd_here(
@@ -74,7 +74,7 @@ def test_the_same_seed_gives_the_same_report(closed, tmp_path):
     assert {k: v for k, v in second.items() if k != "out"} == {k: v for k, v in report.items() if k != "out"}
 
 
-@pytest.mark.slow
+@pytest.mark.slow("cli.close_loop")
 def test_only_and_exclude(closed, tmp_path):
     folder, _ = closed
     common = ("close-loop", folder / "now" / "ds", "--model", folder / "model", "--json", "--out")
@@ -172,7 +172,7 @@ def test_a_watch_by_command_tells_line_by_line_until_it_is_asked_to_stop(closed,
     assert not [line for line in rest.splitlines() if json.loads(line)["event"] == "alarm"]
 
 
-@pytest.mark.slow
+@pytest.mark.slow("cli.close_loop")
 def test_a_withheld_term_is_named_and_comes_back(closed, tmp_path):
     folder, _ = closed
     ds = folder / "before" / "ds"
@@ -186,6 +186,7 @@ def test_a_withheld_term_is_named_and_comes_back(closed, tmp_path):
     assert load_bundle(tmp_path / "poor.loop" / "model").metadata["withheld"] == []
 
 
+@pytest.mark.slow("cli.robot.calibrate")
 def test_a_known_mass_calibrates_the_torques_of_the_model(closed, tmp_path):
     folder, _ = closed
     words = ("robot", "calibrate", folder / "now" / "ds", "--model", folder / "model", "--out", tmp_path / "scaled")
@@ -195,7 +196,7 @@ def test_a_known_mass_calibrates_the_torques_of_the_model(closed, tmp_path):
     assert load_bundle(tmp_path / "scaled").metadata["torque_scale"]["known_mass_kg"] == 2.0
 
 
-@pytest.mark.long(seconds=8)
+@pytest.mark.slow("cli.robot.ability")
 def test_ability_says_beforehand_what_the_motion_of_the_reference_can_tell(closed, tmp_path):
     folder, report = closed
     done = acqd_here("robot", "ability", folder / "model", "--minutes", 60, "--json")

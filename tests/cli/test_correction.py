@@ -32,7 +32,7 @@ def corrected(closed, model, once):
     return folder / "loop", printed
 
 
-@pytest.mark.long(seconds=20)
+@pytest.mark.slow("cli.close_loop")
 def test_the_report_says_what_was_corrected_and_that_the_cause_is_unknown(corrected):
     folder, printed = corrected
     report = json.loads((folder / "report.json").read_text())
@@ -49,7 +49,7 @@ def test_the_report_says_what_was_corrected_and_that_the_cause_is_unknown(correc
     assert "angle of joint 3 [rad]" in page
 
 
-@pytest.mark.long(seconds=3)
+@pytest.mark.slow("cli.close_loop", "fmu")
 def test_the_repaired_bundle_predicts_with_the_law_and_becomes_an_fmu(corrected, tmp_path):
     fmpy = pytest.importorskip("fmpy")
     folder, _ = corrected

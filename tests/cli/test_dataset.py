@@ -7,8 +7,8 @@ from tests.commands import acqd_here
 from tests.dataset.logs import write_logs
 
 
-def test_the_command_builds_shows_and_refuses(study, logs, tmp_path):
-    campaign, out = study.out / "training", tmp_path / "ds"
+def test_the_command_builds_shows_and_refuses(campaign, training, logs, tmp_path):
+    out = tmp_path / "ds"
     (tmp_path / "logs").mkdir()
     for log in logs[:4]:
         (tmp_path / "logs" / log.name).symlink_to(log)
@@ -16,7 +16,7 @@ def test_the_command_builds_shows_and_refuses(study, logs, tmp_path):
     built = acqd_here(*common, out, "--power", campaign / "power.sqlite", "--json")
     assert built.returncode == 0, built.stderr
     assert json.loads(built.stdout)["recordings"] == 4
-    shown = acqd_here("dataset", "show", study.training)
+    shown = acqd_here("dataset", "show", training)
     assert shown.returncode == 0 and "clock line" in shown.stdout and "simulated" in shown.stdout
     again = acqd_here(*common, out, "--power", campaign / "power.sqlite")
     assert again.returncode == 2 and "exists; choose another --out" in again.stderr

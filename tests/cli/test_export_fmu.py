@@ -12,7 +12,7 @@ from tests.builders import grey_bundle
 from tests.commands import acqd_here, refused
 
 
-@pytest.mark.long(seconds=8)
+@pytest.mark.slow("cli.export_fmu")
 def test_the_command_as_a_user_has_it(tmp_path):
     bundle = tmp_path / "b"
     save_bundle(bundle, grey_bundle())

@@ -54,7 +54,7 @@ def test_sessions_that_do_not_belong_together_are_refused(closed, tmp_path, chan
     assert done.returncode == 2 and said in done.stderr and len(done.stderr.strip().splitlines()) == 1
 
 
-@pytest.mark.slow
+@pytest.mark.slow("experiment")
 def test_a_program_is_written_whole_and_promises_more_than_random_motion(closed, model, tmp_path):
     """A faint payload, in recordings of one joint's motion: other causes look alike."""
     folder, _ = closed

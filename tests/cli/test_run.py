@@ -6,6 +6,8 @@ import json
 import signal
 import sqlite3
 
+import pytest
+
 from acqd.telemetry.broker import free_port
 from tests.commands import acqd, start
 from tests.waiting import LIMIT_S, wait_for
@@ -46,6 +48,7 @@ def test_sigterm_finishes_the_window_and_exits_0(tmp_path, mosquitto):
     assert first["W"] > register["phases"][0]["import_kWh"]
 
 
+@pytest.mark.slow("daemon")
 def test_power_quality_reaches_the_database(tmp_path):
     database = tmp_path / "q.sqlite"
     (tmp_path / "acqd.toml").write_text(

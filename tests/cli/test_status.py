@@ -85,6 +85,7 @@ def test_bad_input_is_exit_2(text, expected, tmp_path):
     assert expected in refused(acqd_here("status", "--config", path))
 
 
+@pytest.mark.slow("cli.status", "daemon")
 def test_the_real_daemon_and_its_sink_answer_and_a_stopped_main_fast_shows(tmp_path):
     ports = free_port(), free_port(), free_port()
     path = tmp_path / "acqd.toml"

@@ -91,7 +91,7 @@ def test_the_browser_is_opened_where_there_is_a_screen(asked, tmp_path, monkeypa
     assert opened == [(tmp_path / "t" / "index.html").as_uri()]
 
 
-@pytest.mark.slow
+@pytest.mark.minutes
 def test_a_trial_with_the_real_commands_holds_the_truth(tmp_path):
     done = acqd_here("try", "--out", tmp_path / "t", "--json")
     assert done.returncode == 0, done.stderr

@@ -78,7 +78,10 @@ def remade(kept: Path, database: str) -> Comparison:
 
 
 @pytest.mark.long(seconds=8)
-@pytest.mark.parametrize("kind", [kind for kind in DEVICES if kind != "meters"])
+@pytest.mark.parametrize(
+    "kind",
+    [pytest.param(kind, marks=[] if kind == "ethercat" else pytest.mark.slow) for kind in DEVICES if kind != "meters"],
+)
 def test_the_daemon_meters_every_wire_into_sql(kind, tmp_path):
     if kind in ON_ETHERNET and not may_create_veth():
         pytest.skip("veth pairs need CAP_NET_ADMIN (root)")
@@ -95,6 +98,7 @@ def test_the_daemon_meters_every_wire_into_sql(kind, tmp_path):
     assert all(abs(row["f"] - 50.0) < 0.02 for row in whole(rows()) if row["f"] is not None)
 
 
+@pytest.mark.slow
 def test_rows_of_rms_meters_equal_their_registers(tmp_path):
     database = tmp_path / "box.sqlite"
     with ModbusProcess("meters", "--model", "em340", "--units", "1-2", "--swing", "0") as double:

@@ -358,7 +358,7 @@ def test_an_embedded_broker_that_is_killed_costs_no_row(tmp_path):
     finish(scenario())
 
 
-@pytest.mark.long(seconds=8)
+@pytest.mark.slow
 def test_no_register_goes_back_after_a_kill(mosquitto, tmp_path):
     """kill -9 of `acqd run` at any moment: the registers continue where the last row was, also without their file."""
     (tmp_path / "acqd.toml").write_text(

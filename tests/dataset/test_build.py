@@ -2,6 +2,7 @@
 
 import numpy as np
 import pyarrow.parquet
+import pytest
 
 from acqd.dataset.build import BuildConfig, build
 from acqd.dataset.manifest import load_manifest
@@ -28,6 +29,7 @@ def test_merged_power_is_where_the_motion_is(campaign, dataset):
         assert P[speed < 2e-3].mean() < P[speed > 0.3].mean()
 
 
+@pytest.mark.slow
 def test_missing_power_rows_are_bridged_and_long_gaps_are_not(cell, tmp_path):
     made, true, time_ns, P = cell
     kept = np.random.default_rng(0).random(len(P)) > 0.05
@@ -42,6 +44,7 @@ def test_missing_power_rows_are_bridged_and_long_gaps_are_not(cell, tmp_path):
     assert all(abs(entry["lag_s"] - true[entry["name"]]) < 0.008 for entry in manifest["recordings"])
 
 
+@pytest.mark.slow
 def test_logs_without_power_and_a_stuck_meter_are_refused(cell, tmp_path):
     made, true, time_ns, P = cell
     paths = sorted((made.out / "logs").rglob("*.log"))

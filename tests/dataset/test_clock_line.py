@@ -12,6 +12,7 @@ from acqd.dataset.manifest import load_manifest
 from tests.campaigns import quiet
 
 
+@pytest.mark.slow
 def test_one_clock_that_was_set_in_between_is_announced(campaign, tmp_path):
     made, true = campaign
     if made.settings.robot != "iiwa7_r800":

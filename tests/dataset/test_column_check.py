@@ -125,6 +125,7 @@ def test_joints_that_the_power_cannot_tell_apart_are_named(ur10e):
     ]
 
 
+@pytest.mark.slow
 @needs_robot_logs
 @pytest.mark.parametrize("name", ["ur10e", "kinova_gen3"])
 def test_no_real_log_is_refused_for_its_order(name):

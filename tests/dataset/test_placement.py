@@ -12,18 +12,22 @@ from acqd.robot.log import read_log
 from tests.campaigns import build_dataset, campaign_config, measure, quiet, true_lags, write_power
 
 
-@pytest.mark.long(seconds=25)
-def test_lags_are_found_to_milliseconds_with_torques_and_without(campaign, dataset, tmp_path):
+def check_lags(campaign, folder, report, limit):
     made, true = campaign
-    settings = made.settings
-    without = tmp_path / "without", build_dataset(made, tmp_path / "without", torque="model")
-    for torque, (folder, report) in ((None, dataset), ("model", without)):
-        assert report.recordings == 8 and not report.refused and report.measured == "simulated"
-        manifest = load_manifest(folder)
-        errors = np.array([entry["lag_s"] - true[entry["name"]] for entry in manifest["recordings"]])
-        limit = 0.005 if settings.robot == "iiwa7_r800" and torque is None else 0.010
-        assert np.abs(errors).max() < limit, (torque, errors)
-        assert report.offset_s == pytest.approx(settings.clock.offset_s, abs=1.0)
+    assert report.recordings == 8 and not report.refused and report.measured == "simulated"
+    errors = np.array([entry["lag_s"] - true[entry["name"]] for entry in load_manifest(folder)["recordings"]])
+    assert np.abs(errors).max() < limit, errors
+    assert report.offset_s == pytest.approx(made.settings.clock.offset_s, abs=1.0)
+
+
+@pytest.mark.long(seconds=10)
+def test_lags_are_found_to_milliseconds(campaign, dataset):
+    check_lags(campaign, *dataset, limit=0.005 if campaign[0].settings.robot == "iiwa7_r800" else 0.010)
+
+
+@pytest.mark.slow
+def test_lags_are_found_to_milliseconds_without_torques(campaign, tmp_path):
+    check_lags(campaign, tmp_path / "ds", build_dataset(campaign[0], tmp_path / "ds", torque="model"), limit=0.010)
 
 
 def test_a_log_of_another_day_is_refused_not_placed(campaign, tmp_path):
@@ -41,6 +45,7 @@ def test_a_log_of_another_day_is_refused_not_placed(campaign, tmp_path):
     assert not (tmp_path / "alone").exists()
 
 
+@pytest.mark.slow
 def test_a_clock_just_beyond_the_search_range_is_not_met_at_its_edge(campaign, tmp_path):
     made, true = campaign
     if made.settings.robot == "kinova_gen3":
@@ -51,8 +56,8 @@ def test_a_clock_just_beyond_the_search_range_is_not_met_at_its_edge(campaign, t
         assert entry["own_lag"]["s"] == pytest.approx(true[entry["name"]], abs=0.03)
 
 
-@pytest.mark.long(seconds=6)
-@pytest.mark.parametrize("step_ms", [pytest.param(20.0, marks=pytest.mark.slow), 100 / 3])
+@pytest.mark.slow
+@pytest.mark.parametrize("step_ms", [20.0, 100 / 3])
 def test_windows_of_any_length_are_aligned(cell, tmp_path, step_ms):
     made, true, time_ns, P = cell
     t, step = (time_ns - time_ns[0]) * 1e-9, step_ms / 1000
@@ -68,7 +73,7 @@ def test_windows_of_any_length_are_aligned(cell, tmp_path, step_ms):
         assert entry["lag_s"] == pytest.approx(true[entry["name"]], abs=0.010)
 
 
-@pytest.mark.long(seconds=10)
+@pytest.mark.slow
 def test_the_same_assembly_again_and_again_with_the_peak_of_its_brakes_is_placed(tmp_path):
     """Every execution fits in many places of the stream, and the peak is more than all that motion explains."""
     made = campaign_config(tmp_path, profile="use-case", assemblies=6, session=6, seed=9, clock={"offset_s": 1.24})

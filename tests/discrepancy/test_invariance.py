@@ -38,7 +38,7 @@ def said(robot, before, after):
     return selection.verdict, effects
 
 
-@pytest.mark.long(seconds=20)
+@pytest.mark.slow
 def test_dates_names_and_order_change_nothing(robot, sides):
     before, after = sides
     verdict, effects = said(robot, before, after)

@@ -7,7 +7,7 @@ import pytest
 from acqd.models.bundle.bundle import load_bundle
 from tests.commands import acqd, acqd_here, without_workers
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.minutes
 
 
 def test_a_fleet_on_ray_finds_what_it_finds_in_processes(closed, tmp_path):

@@ -51,8 +51,8 @@ def test_bad_input_is_named_and_nothing_is_left(made, tmp_path, monkeypatch):
     assert not list(tmp_path.glob("*.fmu")) and not list(tmp_path.glob(".x*"))
 
 
-@pytest.mark.long(seconds=15)
-@pytest.mark.parametrize("platform", ["linux64", pytest.param("darwin64", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("platform", ["linux64", "darwin64"])
 def test_clang_compiles_effects_for_processors_with_and_without_avx2(tmp_path, monkeypatch, platform):
     pytest.importorskip("ziglang")
     monkeypatch.setattr("acqd.fmu.platforms.system_compiler", lambda: None)

@@ -124,8 +124,8 @@ def test_only_power_given_back_is_burnt():
 
 
 def test_a_thermostat_is_on_for_its_share_of_its_period():
-    motion = Controller(IIWA, np.zeros(7)).run([Wait(900.0)])
-    extra = power_of("thermostat:power_W=10,period_s=60,duty=0.3", motion, np.full(len(motion), 230.0))
+    motion = Controller(IIWA, np.zeros(7)).run([Wait(90.0)])
+    extra = power_of("thermostat:power_W=10,period_s=6,duty=0.3", motion, np.full(len(motion), 230.0))
     assert extra.mean() == pytest.approx(3.0, rel=0.1)
     assert np.diff(extra > 5).sum() == pytest.approx(30, abs=3)
 

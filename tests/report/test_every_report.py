@@ -5,6 +5,7 @@ import shutil
 import pytest
 
 from tests.browser import chromium, looks, needs_chromium, serious_findings
+from tests.campaigns import clocked, clocked_dataset
 from tests.commands import acqd_here, module_here, without_workers
 from tests.models.test_old_files import FOLDER
 
@@ -21,7 +22,8 @@ def campaign(request, folder):
 
 
 def dataset(request, folder):
-    shutil.copy(request.getfixturevalue("study").training / "report.html", folder)
+    once = request.getfixturevalue("once")
+    shutil.copy(clocked_dataset(clocked("iiwa7_r800", once), once)[0] / "report.html", folder)
 
 
 def close_loop(request, folder):
@@ -69,8 +71,9 @@ def run(*words):
         dataset, close_loop,
         *(
             pytest.param(each, marks=pytest.mark.slow)
-            for each in (robot_check, compare, campaign, execute, trajectories, thesis, energy)
+            for each in (robot_check, compare, campaign, execute, trajectories, energy)
         ),
+        pytest.param(thesis, marks=pytest.mark.minutes),
     ],
 )  # fmt: skip
 def test_no_report_has_a_serious_accessibility_finding(make, request, tmp_path):

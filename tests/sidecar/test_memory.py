@@ -51,7 +51,7 @@ def write_long_log(path, url):
             np.savetxt(file, np.column_stack(columns), fmt=shapes, delimiter=",")
 
 
-@pytest.mark.slow
+@pytest.mark.minutes
 def test_a_log_of_two_hours_takes_at_most_400_mb(tmp_path, bundle):
     url, logs = str(tmp_path / "p.sqlite"), tmp_path / "logs"
     logs.mkdir()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import socket
 from abc import ABC, abstractmethod
 from collections.abc import Callable
@@ -9,6 +10,7 @@ from contextlib import ExitStack
 
 import numpy as np
 
+from acqd.errors import UserError
 from acqd.metering import SampleBlock
 from acqd.sources.device import DeviceSource
 from tests.waiting import wait_for
@@ -34,6 +36,21 @@ def wait_until_reachable(host: str, port: int) -> None:
             return probe.connect_ex((host, port)) == 0
 
     wait_for(answers, f"{host}:{port} listens")
+
+
+_LOST_REPLIES = re.compile("mailbox does not answer|does not reach|its objects say|cannot be mapped|did not keep")
+
+
+def connect_patiently(source: DeviceSource) -> None:
+    """Connect to a double, which a busy machine keeps from the processor for longer than SOEM waits for a terminal."""
+    for attempt in range(20):
+        try:
+            source.connect()
+        except UserError as error:
+            if attempt == 19 or not _LOST_REPLIES.search(str(error)):
+                raise
+        else:
+            return
 
 
 class Tape:
@@ -96,7 +113,7 @@ class Bench(ABC):
     def build(self, stack: ExitStack) -> None: ...
 
     def connect(self) -> None:
-        self.source.connect()
+        connect_patiently(self.source)
 
     @abstractmethod
     def codes(self, first: int, count: int) -> np.ndarray: ...

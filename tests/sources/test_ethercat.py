@@ -18,7 +18,7 @@ from acqd.sources.ethercat.bus import close_master, open_master, scan
 from tests.doubles.ethercat.control import EtherCatDouble
 from tests.doubles.veth import may_create_veth, veth_pair
 from tests.doubles.waveform import WaveTable
-from tests.sources.bench import START_NS, Tape, VirtualClock
+from tests.sources.bench import START_NS, Tape, VirtualClock, connect_patiently
 
 PATIENT_US = 3_000_000
 """The double answers in lockstep; a busy machine may keep it from the processor for a while."""
@@ -37,7 +37,7 @@ class Rig:
     def start(self, **changes: object) -> EthercatSource:
         self.source = EthercatSource(replace(self.settings, **changes), self.clock)  # type: ignore[arg-type]
         self.stack.callback(self.source.close)
-        self.source.connect()
+        connect_patiently(self.source)
         self.source.open(START_NS)
         return self.source
 

@@ -135,7 +135,7 @@ def campaign(*options):
     return figures
 
 
-@pytest.mark.slow
+@pytest.mark.minutes
 def test_the_status_names_every_fault_in_time():
     command = [sys.executable, "-m", "tools.studies.faults", "--named", "--json"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, check=False)
@@ -147,14 +147,14 @@ def test_a_fault_that_is_named_late_or_never_fails(seconds, good):
     assert Named("x", seconds, "").good == good
 
 
-@pytest.mark.long(seconds=12)
+@pytest.mark.slow("daemon", "storage")
 def test_three_faults_of_the_campaign():
     named = ("daemon killed", "broker killed", "sink: half-open")
     options = (word for name in named for word in ("--only", name))
     assert campaign("--faults", "3", *options)["faults"] == 3
 
 
-@pytest.mark.slow
+@pytest.mark.minutes
 def test_the_short_campaign():
     figures = campaign()
     assert figures["faults"] == 10 and figures["made"] > 500
@@ -186,7 +186,7 @@ def test_limits_come_from_the_units():
     assert int(done.stdout) == 300 << 20 or "RLIMIT_DATA" not in how()
 
 
-@pytest.mark.slow
+@pytest.mark.minutes
 @pytest.mark.skipif(bool(disk.missing()), reason=disk.missing())
 def test_nothing_older_than_a_second_is_lost_in_a_power_cut():
     command = [sys.executable, "-m", "tools.studies.faults.power_cut", "--postgres", "0", "--json"]

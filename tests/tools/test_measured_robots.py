@@ -22,7 +22,7 @@ def loaded():
 
 
 @needs_robot_logs
-@pytest.mark.slow
+@pytest.mark.slow("dataset")
 def test_lags_of_measured_ur10e_recordings_are_inside_their_intervals(tmp_path):
     """Power and angles have one clock, so every true lag is 0."""
     tool = loaded()

@@ -57,7 +57,7 @@ def test_an_output_with_a_path_of_the_computer_is_refused(tmp_path):
         portable(cell("/usr/bin/python3"), tmp_path)
 
 
-@pytest.mark.slow
+@pytest.mark.minutes
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_notebooks_run(path):
     pytest.importorskip("nbclient", reason="nbclient is not installed: pip install 'acqd[notebooks]'")
@@ -79,7 +79,7 @@ def test_the_first_ten_minutes_name_commands_that_exist():
         assert words, command
 
 
-@pytest.mark.slow
+@pytest.mark.minutes
 def test_the_first_ten_minutes_run(tmp_path):
     environment = {"PATH": f"{Path(sys.executable).parent}:/usr/bin:/bin", "COLUMNS": "120", "HOME": str(tmp_path)}
     for command in commands_of(PAGE):

@@ -9,7 +9,7 @@ import pytest
 from tests.places import ROOT
 from tools.studies.packages.__main__ import USES, build, measure
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.minutes
 pytest.importorskip("build", reason="build is not installed: pip install build")
 
 

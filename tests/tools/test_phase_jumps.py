@@ -10,7 +10,7 @@ from acqd.metering import frequency
 from tools.bench.jumps import CASES, cases, outcome
 
 
-@pytest.mark.parametrize("count", [20, pytest.param(CASES, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [20, pytest.param(CASES, marks=pytest.mark.slow("metering"))])
 def test_no_jump_leaves_a_wrong_f_or_voltage_without_a_flag(count):
     for jump in cases(count):
         found = outcome(jump)

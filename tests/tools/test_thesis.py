@@ -14,7 +14,7 @@ from tools.studies.thesis import __main__ as thesis
 from tools.studies.thesis.steps import Step, run, seconds
 
 
-@pytest.mark.slow
+@pytest.mark.minutes
 def test_the_thesis_is_reproduced_and_goes_on_where_it_stood(study, tmp_path, monkeypatch, capsys):
     out = shutil.copytree(study.out, tmp_path / "out")  # the first steps
     words = [str(out), "--quick", "--json"]

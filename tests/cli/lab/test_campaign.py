@@ -21,7 +21,7 @@ def workers_of(parent):
     return [child for child in children if "spawn_main" in str(child.cmdline())]
 
 
-@pytest.mark.slow
+@pytest.mark.slow("lab.campaign")
 def test_workers_end_with_a_killed_campaign_and_it_goes_on_where_it_was(tmp_path):
     arguments = ["lab", "campaign", "--out", tmp_path / "c", "--limited", "2", "--all", "1", "--session", "1"]
     parent = subprocess.Popen([sys.executable, "-P", "-m", "acqd", *map(str, [*arguments, "--jobs", "2"])])
@@ -41,7 +41,7 @@ def test_workers_end_with_a_killed_campaign_and_it_goes_on_where_it_was(tmp_path
     assert len(list((tmp_path / "c" / "logs").rglob("*.log"))) == 3
 
 
-@pytest.mark.slow
+@pytest.mark.minutes
 def test_a_fleet_on_a_real_ray_cluster(tmp_path):
     pytest.importorskip("ray", reason="needs acqd[ray]")
     out = tmp_path / "fleet"
@@ -57,6 +57,7 @@ def test_a_fleet_on_a_real_ray_cluster(tmp_path):
     assert max(by_device["cell-01"]) != max(by_device["cell-02"])
 
 
+@pytest.mark.slow("lab")
 def test_the_use_case_has_a_twin_that_moves_differently_but_arrives_alike(study):
     campaign = study.assembly  # by acqd lab campaign --profile use-case
     truth = json.loads(campaign.with_name("assembly.truth").joinpath("truth.json").read_text())

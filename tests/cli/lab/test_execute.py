@@ -56,7 +56,7 @@ def test_a_recorded_motion_is_played_again(tmp_path):
     assert means[0] == pytest.approx(means[1], rel=0.01)
 
 
-@pytest.mark.slow
+@pytest.mark.slow("cli.lab.execute")
 def test_live_execution_reaches_a_subscriber(tmp_path):
     port = free_port()
     (tmp_path / "t.csv").write_text("0,0,0,0,0,0,0\n15,10,10,-10,10,10,10\n")

@@ -8,7 +8,7 @@ from tests.commands import acqd_here
 
 
 @pytest.mark.long(seconds=40)
-def test_models_are_trained_compared_and_the_grey_box_is_best(study, trained, tmp_path):
+def test_models_are_trained_compared_and_the_grey_box_is_best(training, trained, tmp_path):
     models, results = trained
     assert set(results) == {
         "grey-box-everything-s1",
@@ -17,7 +17,7 @@ def test_models_are_trained_compared_and_the_grey_box_is_best(study, trained, tm
         "21x1dim-everything-s1",
         "21x1dim-everything-s2",
     }
-    done = acqd_here("compare", study.training, "--models", models, "--out", tmp_path / "report.html", "--json")
+    done = acqd_here("compare", training, "--models", models, "--out", tmp_path / "report.html", "--json")
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)
     mae = {model["name"]: model["test"]["everything"]["mae"] for model in found["models"] + found["baselines"]}

@@ -10,7 +10,7 @@ import pytest
 from tests.commands import acqd_here
 
 
-def test_a_log_is_predicted_and_what_is_new_to_the_model_is_flagged(study, trained, logs, tmp_path):
+def test_a_log_is_predicted_and_what_is_new_to_the_model_is_flagged(training, trained, logs, tmp_path):
     bundle = trained[0] / "grey-box-everything-s1"
     done = acqd_here("predict", bundle, logs[0], "--out", tmp_path / "p.csv", "--json")
     assert done.returncode == 0, done.stderr
@@ -19,9 +19,7 @@ def test_a_log_is_predicted_and_what_is_new_to_the_model_is_flagged(study, train
     assert summary["rows"] == len(rows) and summary["outside_envelope"] < 0.1
     assert 150 < summary["mean_W"] < 230
     assert summary["energy_kWh"] == pytest.approx(rows["P_predicted_W"].sum() * 0.04 / 3.6e6, rel=1e-4)
-    limited = acqd_here(
-        "train", study.training, "--network", "grey-box", "--on", "limited", "--out", tmp_path / "limited"
-    )
+    limited = acqd_here("train", training, "--network", "grey-box", "--on", "limited", "--out", tmp_path / "limited")
     assert limited.returncode == 0, limited.stderr
     wide = next(path for path in logs if "all_" in path.name)
     done = acqd_here("predict", tmp_path / "limited", wide)

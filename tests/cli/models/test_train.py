@@ -23,19 +23,19 @@ from tests.commands import acqd, acqd_here, without_workers
         (("predict", "{models}/grey-box-everything-s1", "{tmp}/none.log"), "cannot be read"),
     ],
 )
-def test_bad_input_is_named(study, trained, logs, tmp_path, arguments, expected):
-    places = {"ds": study.training, "models": trained[0], "log": logs[0], "tmp": tmp_path}
+def test_bad_input_is_named(training, trained, logs, tmp_path, arguments, expected):
+    places = {"ds": training, "models": trained[0], "log": logs[0], "tmp": tmp_path}
     done = acqd_here(*(text.format(**places) for text in arguments))
     assert done.returncode == 2, done.stderr
     assert expected in done.stderr and len(done.stderr.strip().splitlines()) == 1
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.slow
-def test_without_a_compiler_torch_trains(study, tmp_path):
+@pytest.mark.slow("models")
+def test_without_a_compiler_torch_trains(training, tmp_path):
     done = acqd(
         "train",
-        study.training,
+        training,
         "--network",
         "7x1dim",
         "--epochs",
@@ -51,7 +51,7 @@ def test_without_a_compiler_torch_trains(study, tmp_path):
     assert "torch" in json.loads(done.stdout)[0]["training"]["engine"]
     asked = acqd(
         "train",
-        study.training,
+        training,
         "--network",
         "7x1dim",
         "--compute",
@@ -64,6 +64,7 @@ def test_without_a_compiler_torch_trains(study, tmp_path):
     assert asked.returncode == 1 and "no C compiler" in asked.stderr and not (tmp_path / "c").exists()
 
 
+@pytest.mark.slow("cli.models.train")
 def test_table_7_1_is_fourteen_trainings_and_done_ones_are_kept(study, tmp_path):
     models = shutil.copytree(study.models, tmp_path / "m")
     stamps = {path: path.stat().st_mtime_ns for path in models.glob("*/bundle.json")}

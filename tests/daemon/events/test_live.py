@@ -6,6 +6,8 @@ import json
 import sqlite3
 import subprocess
 
+import pytest
+
 from acqd.sources import load_waveform
 from acqd.telemetry.broker import free_port
 from tests.commands import ACQD, acqd_here, refused
@@ -33,6 +35,7 @@ sink_port = 0
 """
 
 
+@pytest.mark.slow
 def test_a_dip_of_the_running_daemon_reaches_sql_and_disk_and_samples_can_be_asked_for(tmp_path):
     config = tmp_path / "acqd.toml"
     config.write_text(CONFIG.format(folder=tmp_path, broker=free_port(), health=free_port()))

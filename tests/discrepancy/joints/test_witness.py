@@ -114,7 +114,7 @@ def test_equal_names_on_both_sides_are_two_sessions(model):
     assert joint_level(witness, ALL).explains == "payload"
 
 
-@pytest.mark.long(seconds=12)
+@pytest.mark.slow
 def test_the_loop_asks_power_and_torques(model):
     body = Payload(1.2, (0.0, 0.1, 0.05))
 

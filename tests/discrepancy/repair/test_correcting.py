@@ -92,6 +92,7 @@ def correct(subject, selection):
     return corrected(subject, selection, improved, UsualError.of(subject, 0.5), trial)
 
 
+@pytest.mark.slow
 def test_an_unknown_spring_is_measured_and_corrected(sprung):
     subject, selection = sprung
     assert selection.verdict == "unknown_structure"
@@ -112,6 +113,7 @@ def test_an_unknown_spring_is_measured_and_corrected(sprung):
     assert before > 3 * usual and after < 1.1 * usual and found.gain == pytest.approx(before - after)
 
 
+@pytest.mark.slow
 def test_a_correction_is_the_same_from_a_bundle_and_row_by_row(sprung):
     subject, selection = sprung
     improved, _ = correct(subject, selection)
@@ -127,6 +129,7 @@ def test_a_correction_is_the_same_from_a_bundle_and_row_by_row(sprung):
     assert np.array(rows) == pytest.approx(whole[:300], abs=0.05)
 
 
+@pytest.mark.slow
 def test_a_correction_that_does_not_help_is_not_added(sprung):
     subject, selection = sprung
     model = subject.model
@@ -140,6 +143,7 @@ def test_a_correction_that_does_not_help_is_not_added(sprung):
         assert notes == [reason]
 
 
+@pytest.mark.slow
 def test_what_the_motion_does_not_determine_is_described_only(sprung):
     subject, selection = sprung
     slow = next(c for c in selection.design.columns.candidates if c.label == "the time of day")
@@ -151,6 +155,7 @@ def test_what_the_motion_does_not_determine_is_described_only(sprung):
     ]
 
 
+@pytest.mark.slow
 def test_a_law_is_corrected_beside_a_named_effect(robot):
     """The friction is named first; the rest has no name."""
     model = grey()
@@ -180,6 +185,7 @@ def test_a_law_is_corrected_beside_a_named_effect(robot):
     )  # without the spring's error, the friction explains more of the RMS
 
 
+@pytest.mark.slow
 def test_a_grey_box_that_has_absorbed_a_law_is_fitted_again(robot):
     """Without a reference, the model was fitted to recordings with the spring; its masses hold a part of the law."""
     model = grey()
@@ -192,6 +198,7 @@ def test_a_grey_box_that_has_absorbed_a_law_is_fitted_again(robot):
     assert rms(improved.errors) < 0.6 * rms(errors_of(absorbed, held_out))
 
 
+@pytest.mark.slow
 def test_a_network_that_has_learned_half_of_a_law_gets_the_other_half(robot):
     """Without a reference; the network is a grey box that knows half of the spring."""
     model = grey()
@@ -205,6 +212,7 @@ def test_a_network_that_has_learned_half_of_a_law_gets_the_other_half(robot):
     assert rms(improved.errors) < 0.5 * rms(errors_of(learned, held_out))
 
 
+@pytest.mark.slow
 def test_a_friction_that_begins_at_a_high_speed_has_a_size(robot):
     """It acts in few rows: the torque that 95 % of all rows stay below is zero."""
     model = grey()

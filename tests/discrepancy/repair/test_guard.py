@@ -4,6 +4,7 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
 from acqd.discrepancy.repair import guard
 from acqd.discrepancy.repair.guard import improve
@@ -32,6 +33,7 @@ def loaded_and_rubbing(scene, random):
     return extra_power(scene, rubbing_torque(scene) + payload_torque(scene, 2.0))
 
 
+@pytest.mark.slow
 def test_a_base_model_that_is_wrong_in_another_motion_decides_little(robot):
     """Before, the robot moved at less than half of the speed."""
     model = grey()

@@ -24,6 +24,7 @@ def body(aside_m):
     return add
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("turned", [False, True])
 def test_a_body_that_was_turned_round_between_two_logs_is_said(turned, model, robot):
     reference = [recording(model, k, rows=500, seed=1) for k in range(6)]

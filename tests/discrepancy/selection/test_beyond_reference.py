@@ -16,6 +16,7 @@ def spring(scene, random):
     return extra_power(scene, column(scene, 1, 25.0 * (scene.q[:, 1] + 1.2)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("structure", "only_beyond"), [(at_high_speed, True), (spring, False)])
 def test_what_shows_in_faster_motion_only_is_no_verdict(structure, only_beyond, model, robot):
     before = [recording(model, k, at_high_speed, rows=600, seed=1, slower=6.0) for k in range(6)]

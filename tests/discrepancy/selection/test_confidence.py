@@ -92,6 +92,7 @@ def test_a_law_has_to_explain_more_by_the_margin(monkeypatch):
     assert odds(4000, 4140, gained, monkeypatch, law=True, left=4000.0) > 1.0
 
 
+@pytest.mark.slow
 def test_effects_that_act_together_are_no_rivals_of_each_other(model, robot):
     """Both are part of the explanation: the confidence in one is given the other."""
 

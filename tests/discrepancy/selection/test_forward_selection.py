@@ -27,9 +27,14 @@ SIZES = {
     "thermostat": (47.0, {"rel": 0.1}),
 }  # fmt: skip
 """Nm, kg, periods per turn and s, with the tolerance."""
+ALWAYS = {"payload", "coulomb_friction", "copper_loss"}
+"""The others are slow tests: they run when the loop, or what it imports, has changed."""
 
 
-@pytest.mark.parametrize("name", sorted(INDEPENDENT))
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=[] if name in ALWAYS else pytest.mark.slow) for name in sorted(INDEPENDENT)],
+)
 def test_an_effect_that_was_made_otherwise_is_named_first(name, model, robot):
     amount = {"count": 14, "rows": 700} if name == "thermostat" else {"count": 4, "rows": 450}
     amount |= {"count": MORE[name]} if name in MORE else {}
@@ -45,6 +50,7 @@ def test_an_effect_that_was_made_otherwise_is_named_first(name, model, robot):
         assert shape.get("period_s", shape.get("periods_per_turn", size)) == pytest.approx(value, **tolerance)
 
 
+@pytest.mark.slow
 def test_a_lower_standby_power_does_not_hide_a_friction(model, robot):
     """Until the standby has a name, added friction makes the error in W larger; about the mean of a block it falls."""
 
@@ -56,6 +62,7 @@ def test_a_lower_standby_power_does_not_hide_a_friction(model, robot):
     assert {named.id for named in selection.effects} == {"viscous_friction", "offset_shift"}
 
 
+@pytest.mark.slow
 def test_a_large_change_is_named_in_three_recordings(model, robot):
     """Three recordings cannot surprise; the change must stand out from unchanged sessions, which know nothing of it."""
 
@@ -80,6 +87,7 @@ def test_a_small_drift_of_the_clock_is_no_offset(model, robot):
     assert selection.effects[0].finding.coefficients[0] == pytest.approx(0.018 * 3600 / 420, abs=2 * error)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("link", "where"), [(1, "link 2"), (2, "link 3")])
 def test_a_mass_on_an_upper_link_has_inertia_and_is_no_payload(model, robot, link, where):
     def heavier(scene, random):
@@ -96,6 +104,7 @@ def test_nothing_is_found_where_nothing_is(model, robot):
     assert selection.verdict == "nothing_left", [named.id for named in selection.effects]
 
 
+@pytest.mark.slow
 def test_what_the_library_does_not_know_is_called_unknown(model, robot):
     def band(scene, random):
         return lagged_mean(6.0 * np.exp(-(((np.abs(scene.qd[:, 1]) - 0.3) / 0.06) ** 2)))
@@ -105,6 +114,7 @@ def test_what_the_library_does_not_know_is_called_unknown(model, robot):
     assert selection.unknown.finding.candidate.label == "the speed of joint 2"
 
 
+@pytest.mark.slow
 def test_friction_that_grows_with_the_third_power_of_speed_is_not_called_viscous(model, robot):
     def cubic(scene, random):
         torque = np.zeros_like(scene.qd)
@@ -116,6 +126,7 @@ def test_friction_that_grows_with_the_third_power_of_speed_is_not_called_viscous
     assert selection.unknown.finding.candidate.label == "a friction of joint 2 of another curve over its speed"
 
 
+@pytest.mark.slow
 def test_a_regular_load_of_seconds_is_a_pulsation_and_no_thermostat(model, robot):
     def pump(scene, random):
         return 8.0 * ((averaged(scene.t) % 5.0) < 2.0)
@@ -126,6 +137,7 @@ def test_a_regular_load_of_seconds_is_a_pulsation_and_no_thermostat(model, robot
     assert selection.unknown.finding.candidate.label == "a pulsation with a period of about 5 s"
 
 
+@pytest.mark.slow
 def test_two_effects_are_both_named(model, robot):
     def both(scene, random):
         return added_payload(scene, random) + INDEPENDENT["thermostat"](scene, random)
@@ -142,6 +154,7 @@ def surge(scene, random):
     )
 
 
+@pytest.mark.slow
 def test_what_a_peak_leaves_over_hides_nothing_and_names_nothing(model, robot):
     def both(scene, random):
         return surge(scene, random) + 0.15 * added_payload(scene, random)
@@ -150,6 +163,7 @@ def test_what_a_peak_leaves_over_hides_nothing_and_names_nothing(model, robot):
     assert [named.id for named in selection.effects] == ["brake_release", "payload"]
 
 
+@pytest.mark.slow
 def test_an_onset_within_the_dataset_is_found(model, robot):
     in_question = [recording(model, k, added_payload if k >= 5 else None, rows=500, seed=2) for k in range(10)]
     _, selection = selected(model, robot, in_question, [], COMMON)

@@ -98,6 +98,7 @@ def test_an_effect_at_other_times_inherits_nothing_from_a_known_one(friction):
     assert left_by(design, gate, finding, [known]) < 0.3 * left_by(design, gate, finding, [large])
 
 
+@pytest.mark.slow
 def test_rows_of_a_reference_that_surprises_itself_count_less(model, robot):
     rates = {}
     for wobble in (0.0, 3.0):

@@ -1,6 +1,7 @@
 """A law of the supply that both sides have acts on the power of new effects too."""
 
 import numpy as np
+import pytest
 
 from tests.builders import recording
 from tests.discrepancy.independent import COMMON, extra_at_drives, lagged_mean, payload_torque, selected
@@ -8,6 +9,7 @@ from tests.discrepancy.independent import COMMON, extra_at_drives, lagged_mean, 
 ONLY = COMMON | {"payload", "regeneration_clipping"}
 
 
+@pytest.mark.slow
 def test_a_chopper_before_and_after_is_no_second_change(model, robot):
     def chopped(scene, more):
         drives = scene.drives + more
@@ -25,6 +27,7 @@ def test_a_chopper_before_and_after_is_no_second_change(model, robot):
     assert [named.id for named in selection.effects] == ["payload"]
 
 
+@pytest.mark.slow
 def test_a_chopper_that_is_new_is_named_beside_a_payload(model, robot):
     def after(scene, random):
         more = extra_at_drives(scene, payload_torque(scene, 2.0))

@@ -16,6 +16,7 @@ from tests.builders import grey, recording
 from tests.discrepancy.independent import COMMON, INDEPENDENT, column, extra_power, traced
 
 
+@pytest.mark.slow
 def test_size_and_shape_of_a_stribeck_curve_have_narrow_intervals_beside_the_truth(model, robot):
     def curve(scene, random):
         near = np.exp(-((scene.qd[:, 1] / 0.15) ** 2)) * direction(scene.qd[:, 1])
@@ -40,6 +41,7 @@ def dry(model, robot):
     return traced(model, robot, friction, only=COMMON)[1]
 
 
+@pytest.mark.slow
 @pytest.mark.xdist_group("dry friction")
 def test_an_effect_without_a_fitted_shape_has_none(dry):
     selection = dry
@@ -49,6 +51,7 @@ def test_an_effect_without_a_fitted_shape_has_none(dry):
     assert certain.coefficients[0] == pytest.approx(8.0, rel=0.1)
 
 
+@pytest.mark.slow
 def test_the_size_of_a_load_that_switches_is_not_attenuated_by_wrong_edges(model, robot):
     _, selection = traced(model, robot, INDEPENDENT["process_load"], only=COMMON | {"process_load"})
     (named,) = selection.effects

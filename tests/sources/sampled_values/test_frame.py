@@ -62,7 +62,7 @@ def test_the_quality_of_an_unused_neutral_does_not_matter():
     assert not Decoder(parse(template), template, CHANNELS).decode(frame).flags.any()
 
 
-@settings(max_examples=300)
+@settings(max_examples=100)
 @given(st.data())
 def test_damaged_frames_raise_one_kind_of_error_or_none_never_another(data):
     frame = bytearray(SvStream(4800, 2, dat_set="DS", long_lengths=1).frame(3))
