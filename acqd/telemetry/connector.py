@@ -18,6 +18,7 @@ from acqd.errors import UserError
 from acqd.retry import Backoff
 from acqd.telemetry.message import Message, Outbox, Room
 from acqd.telemetry.mqtt import BrokerAddress, is_refusal, refusal
+from acqd.telemetry.patience import Patience
 from acqd.telemetry.session import Session, SessionError
 from acqd.telemetry.topics import OFFLINE
 
@@ -58,6 +59,7 @@ class Connector:
         """Messages that the broker has acknowledged."""
         self.reconnects = -1
         self._short = 0
+        self._patience = Patience()
 
     @property
     def trouble(self) -> str:
@@ -116,7 +118,7 @@ class Connector:
 
     async def _session(self) -> None:
         will = Message(self._status_topic, OFFLINE, retain=True)
-        async with Session(self._address, self._client_id, will, self._outbox) as session:
+        async with Session(self._address, self._client_id, will, self._outbox, patience=self._patience) as session:
             self.reconnects += 1
             self.state, self._failure = "connected", ""
             _log.info("connected to broker %s", self._address)

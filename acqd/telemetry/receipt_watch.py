@@ -5,17 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from acqd.telemetry.in_flight import InFlight
+from acqd.telemetry.patience import LONGEST_S, Patience
 
 AHEAD = 4_096
 """Rows of the backlog that are sent ahead of their receipts, while a sink is there."""
 _PROBE = 64
 """The same while no sink is known: one may be there and not have said so."""
-_PATIENCE_S = (5.0, 60.0)
-"""How long a receipt may take; doubled while none comes, and twice as long as the last ones took.
-
-With a fixed limit, a way that takes longer is filled with rows that are already on it, and slows down further: as in a
-congestion collapse, it never catches up. TCP waits for its acknowledgements in the same manner (RFC 6298).
-"""
 _QUIET_S = 1.0
 """The backlog pauses so long while a sink works through what the broker had kept for it."""
 _LATELY_S = 10.0
@@ -31,7 +26,7 @@ class ReceiptWatch:
         self._sinks: set[str] = set()
         self._heard = self._unreceipted_since = -1e9
         self._quiet_until = -1e9
-        self._patience = _PATIENCE_S[0]
+        self._patience = Patience()
         self._waited = (-1e9, 0.0)
         self.seen = False
         """Whether a sink has ever announced itself or sent a receipt."""
@@ -49,7 +44,7 @@ class ReceiptWatch:
         """A sink has announced itself."""
         self._sinks.add(sink)
         self.seen = True
-        self._patience, self._waited = _PATIENCE_S[0], (-1e9, 0.0)
+        self._patience, self._waited = Patience(), (-1e9, 0.0)
 
     def left(self, sink: str) -> bool:
         """A sink is offline; whether others are there."""
@@ -71,16 +66,16 @@ class ReceiptWatch:
         self._heard, self.seen = now, True
         if expected:
             self._unreceipted_since = now
-            self._patience = min(max(_PATIENCE_S[0], 2 * (now - sent)), _PATIENCE_S[1])
+            self._patience.answered(now - sent)
         if removed > expected:
             self._quiet_until = now + _QUIET_S
 
     def overdue(self) -> int:
         """Forget rows whose receipt has not come in time, so that they are sent again; how many."""
-        late = self._flying.overdue(self._now(), self._patience)
+        late = self._flying.overdue(self._now(), self._patience.s)
         if late:
-            self._note_wait(self._patience)
-            self._patience = min(2 * self._patience, _PATIENCE_S[1])
+            self._note_wait(self._patience.s)
+            self._patience.missed()
         return late
 
     def allowed(self) -> int:
@@ -88,7 +83,7 @@ class ReceiptWatch:
         now = self._now()
         if now < self._quiet_until:
             return 0
-        known = bool(self._sinks) or now - self._heard < _PATIENCE_S[1]
+        known = bool(self._sinks) or now - self._heard < LONGEST_S
         return (AHEAD if known else _PROBE) - len(self._flying)
 
     @property

@@ -17,12 +17,13 @@ from acqd.telemetry import wire
 from acqd.telemetry.loop_socket import LoopSocket, in_words, reach
 from acqd.telemetry.message import Message, Outbox
 from acqd.telemetry.mqtt import BrokerAddress
+from acqd.telemetry.patience import Patience
 from acqd.telemetry.window import Window
 from acqd.telemetry.wire import Hello, Packets, Publish
 
 _CONNECT_S = 5.0
-_ACK_S = 5.0
-"""A broker that acknowledges nothing for so long, though something is to be acknowledged, is dead."""
+_ANSWER_S = 5.0
+"""A broker that answers neither a subscription nor a ping for so long is dead."""
 _KEEP_ALIVE_S = 10
 _LOOK_S = 2.0
 _LARGEST = 1 << 20
@@ -45,8 +46,12 @@ class Session:
         outbox: Outbox,
         *,
         version: int = wire.V311,
+        patience: Patience | None = None,
     ) -> None:
-        """`outbox` gets acknowledgements and the messages of subscriptions."""
+        """`outbox` gets acknowledgements and the messages of subscriptions.
+
+        A broker that acknowledges nothing within `patience`, though something is to be acknowledged, is dead.
+        """
         self._address, self._outbox, self._version = address, outbox, version
         self._hello = Hello(
             version, client_id, _KEEP_ALIVE_S, address.username, address.password, will.topic, will.payload,
@@ -57,6 +62,8 @@ class Session:
         self._connected: asyncio.Future[None] = self._loop.create_future()
         self._subscribed: asyncio.Future[None] = self._loop.create_future()
         self.window = Window()
+        self._patience = Patience() if patience is None else patience
+        self._doubted_after = -1  # so many acknowledgements
         self._packets = Packets(version, _LARGEST)
         self._socket: LoopSocket
         self.refused: dict[str, str] = {}
@@ -96,7 +103,7 @@ class Session:
         """
         if names:
             self._socket.write(wire.subscribe(self._version, self._next(), names))
-            await self._answer(self._subscribed, _ACK_S, "SUBSCRIBE")
+            await self._answer(self._subscribed, _ANSWER_S, "SUBSCRIBE")
 
     def send(self, *messages: Message) -> None:
         """Publish with QoS 1; the outbox hears of the acknowledgements. Raises SessionError."""
@@ -113,8 +120,12 @@ class Session:
         """Raises SessionError when the connection has ended or the broker is silent."""
         if self._ended.done():
             raise SessionError(self._ended.result())
-        if self.window.silent_s() > _ACK_S:
-            raise SessionError("no acknowledgement")
+        if self.window.silent_s() > self._patience.s:
+            # Where this process itself stood still, acknowledgements may wait to be read: doubt first.
+            if self._doubted_after == self.window.acknowledged:
+                self._patience.missed()
+                raise SessionError("no acknowledgement")
+            self._doubted_after = self.window.acknowledged
 
     async def finish(self, last: Message, timeout: float) -> None:
         """Send a last message and wait until all are acknowledged, at most `timeout` seconds. Raises SessionError."""
@@ -141,7 +152,7 @@ class Session:
         now, sock = time.monotonic(), self._socket
         self._look = self._loop.call_later(_LOOK_S, self._keep_alive)
         if self._pinged_at is not None and sock.heard_at < self._pinged_at:
-            if now - self._pinged_at > _ACK_S:
+            if now - self._pinged_at > _ANSWER_S:
                 sock.end("no answer to a ping")
         elif now - min(sock.sent_at, sock.heard_at) > _KEEP_ALIVE_S / 2:
             self._pinged_at = now
@@ -186,6 +197,7 @@ class Session:
     def _acknowledged(self, number: int) -> None:
         message = self.window.settle(number)
         if message is not None:
+            self._patience.answered(self.window.took_s)
             self._outbox.acknowledged(message)
 
     def _refuse(self, number: int, reason: str) -> None:

@@ -18,25 +18,29 @@ class Window:
     """Messages by packet number."""
 
     def __init__(self) -> None:
-        self._messages: dict[int, Message] = {}
+        self._messages: dict[int, tuple[Message, float]] = {}  # and when it was sent
         self._bytes = 0
         self._progress = time.monotonic()
         self.acknowledged = 0
         """Messages that were acknowledged."""
+        self.took_s = 0.0
+        """How long the acknowledgement of the last of them took."""
 
     def add(self, number: int, message: Message) -> None:
         """The message is sent."""
+        now = time.monotonic()
         if not self._messages:
-            self._progress = time.monotonic()
-        self._messages[number] = message
+            self._progress = now
+        self._messages[number] = message, now
         self._bytes += len(message.payload)
 
     def settle(self, number: int) -> Message | None:
         """The acknowledged message; None for a number that is not known."""
-        message = self._messages.pop(number, None)
+        message, sent = self._messages.pop(number, (None, 0.0))
         if message is not None:
             self._bytes -= len(message.payload)
             self._progress = time.monotonic()
+            self.took_s = self._progress - sent
             self.acknowledged += 1
         return message
 

@@ -148,7 +148,7 @@ def test_tls_with_a_private_ca(mosquitto):
 
 
 def test_a_broker_that_goes_silent_is_left_and_nothing_is_lost(mosquitto, monkeypatch):
-    monkeypatch.setattr("acqd.telemetry.session._ACK_S", 0.3)
+    monkeypatch.setattr("acqd.telemetry.patience.LEAST_S", 0.3)
 
     async def scenario():
         outbox = delivery()

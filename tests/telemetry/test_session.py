@@ -12,6 +12,7 @@ import pytest
 
 from acqd.telemetry.message import Message
 from acqd.telemetry.mqtt import BrokerAddress, dial
+from acqd.telemetry.patience import Patience
 from acqd.telemetry.session import Session, SessionError
 from tests.telemetry.clients import delivery
 from tests.waiting import until
@@ -153,3 +154,53 @@ def test_more_than_the_socket_takes_is_sent_when_it_takes_more():
     thread.join(10)
     server.close()
     assert got == [count * len(payload)] and inbox.settled == list(range(count))
+
+
+def test_acknowledgements_that_take_longer_are_waited_for_longer(monkeypatch):
+    monkeypatch.setattr("acqd.telemetry.patience.LEAST_S", 0.2)
+    slow, patience = threading.Event(), Patience()
+    server = socket.create_server(("127.0.0.1", 0))
+
+    def serve():
+        client, _ = server.accept()
+        client.recv(4096)
+        client.sendall(b"\x20\x02\0\0")
+        client.recv(4096)
+        slow.wait(10)
+        client.sendall(b"\x40\x02\0\x01")
+        while client.recv(4096):
+            pass
+        client.close()
+
+    threading.Thread(target=serve, daemon=True).start()
+
+    async def scenario():
+        address = BrokerAddress(port=server.getsockname()[1])
+        async with Session(address, "t", Message("t/status", b""), _Inbox(), patience=patience) as session:
+            session.send(Message("t/x", b"one", tag="first"))
+            await asyncio.sleep(0.3)
+            session.check()  # a doubt
+            slow.set()
+            await until(lambda: session.window.acknowledged, "the acknowledgement has come")
+            session.check()
+            assert patience.s >= 0.6
+            session.send(Message("t/x", b"two", tag="second"))
+            await asyncio.sleep(patience.s + 0.05)
+            session.check()
+            with pytest.raises(SessionError, match="no acknowledgement"):
+                session.check()
+
+    asyncio.run(scenario())
+    assert patience.s >= 1.2
+
+
+def test_patience_has_its_limits():
+    patience = Patience()
+    assert patience.s == 5.0
+    patience.answered(7.0)
+    assert patience.s == 14.0
+    for _ in range(9):
+        patience.missed()
+    assert patience.s == 60.0
+    patience.answered(0.01)
+    assert patience.s == 5.0
