@@ -191,6 +191,25 @@ def clock_fault(
     )
 
 
+def set_back(time: Floats, q: Floats, speed: Floats) -> int | None:
+    """The row, in the order of the file, at which the time [T] s goes back while the arm [T, axes] moves on.
+
+    A recorder that writes a block late, and a second recording in the file, go on with another pose.
+    """
+    steps = np.diff(time)
+    back = np.flatnonzero(steps < 0)
+    if len(back) != 1 or not _AROUND <= back[0] < len(steps) - _AROUND:
+        return None
+    row = int(back[0])
+    ways = np.linalg.norm(np.diff(q[row - _AROUND : row + _AROUND + 2] / speed, axis=0), axis=1)
+    usual, usual_s = float(np.median(ways)), float(np.median(np.abs(steps)))
+    if -steps[row] < max(_SET_ROWS * usual_s, _SET_S):  # rows that came in another order
+        return None
+    if usual < _FAST * usual_s or not 1 - _TWICE[0] < ways[_AROUND] / usual < 1 + _TWICE[0]:
+        return None
+    return row + 1
+
+
 def _ways(time: Floats, x: Floats, x_step: Floats) -> _Ways | None:
     """Steps and ways over their usual sizes around; None with too few rows in motion."""
     if len(time) < 2 * _AROUND + _FEWEST:
