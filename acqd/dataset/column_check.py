@@ -115,7 +115,9 @@ def judge_recordings(
     doubts = [f"angles and power hardly fit as logged: {zero.text(robot)}"] if zero is not None else []
     judged = judge_order(robot, long)
     if judged.better is not None and (by_torque is None or judged.better in by_torque.unsure):
-        raise UserError(f"angles and power of {len(recordings)} recordings do not fit as logged: {judged.text(robot)}")
+        by_zero = zero is not None and zero.share > share_of(robot, long, judged.better)
+        text = zero.text(robot) if zero is not None and by_zero else judged.text(robot)
+        raise UserError(f"angles and power of {len(recordings)} recordings do not fit as logged: {text}")
     judged = judged if by_torque is None else by_torque.together(judged)
     witness = "by their power" if by_torque is None else "by their torques, currents and power"
     return doubts + ([note] if (note := judged.note(robot, witness)) else [])
