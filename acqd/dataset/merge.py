@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import pyarrow as pa
@@ -12,6 +12,7 @@ from acqd.arrays import Floats
 from acqd.dataset.power import PowerStream
 from acqd.dataset.resample import held, resampled
 from acqd.dataset.schema import recording_table
+from acqd.robot.labels import Texts
 from acqd.robot.log import RobotLog, in_time
 from acqd.robot.log_ends import unknown_ends
 
@@ -40,6 +41,8 @@ class Recording:
     """
     unknown_ends: int = 0
     """Rows at the ends of the motion whose accelerations are not known (see robot.log_ends)."""
+    labels: dict[str, Texts] = field(default_factory=dict)
+    """[T] each: program, step, part, state, where logged."""
 
     def of_axes(self, quantity: str, axes: int) -> Floats:
         """[T, axes] of a quantity of every axis, such as "q". Raises KeyError for one that was not logged."""
@@ -48,7 +51,7 @@ class Recording:
     def table(self, sliding: tuple[int, ...] = ()) -> pa.Table:
         """The recording as a table for Parquet; `sliding` are the prismatic joints, from 0, whose units are others."""
         flags = {"valid": self.valid} if self.context is None else {"valid": self.valid, "context": self.context}
-        return recording_table(self.time_ns, {**self.columns, **flags}, sliding)
+        return recording_table(self.time_ns, {**self.columns, **self.labels, **flags}, sliding)
 
 
 def merge(name: str, log: RobotLog, power: PowerStream, lag_s: float, drift_ppm: float, step_s: float) -> Recording:
@@ -73,8 +76,7 @@ def merge(name: str, log: RobotLog, power: PowerStream, lag_s: float, drift_ppm:
                 columns[f"{quantity}{axis + 1}"] = resampled(grid, clock, values[rows, axis], step_s)
     for signal, values in log.signals.items():
         columns[signal] = resampled(grid, clock, values[rows], step_s)
-    for label, values in log.labels.items():
-        columns[label] = held(grid, clock, values[rows])
+    labels = {name: held(grid, clock, texts[rows]) for name, texts in log.labels.items()}
     logged = _near(grid, clock, _LOG_GAP_S / 2)
     valid = logged & _near(grid, centres[np.isfinite(P)], _POWER_GAP * power.window_ns * 1e-9)
     valid &= np.isfinite(columns["P"])
@@ -87,7 +89,7 @@ def merge(name: str, log: RobotLog, power: PowerStream, lag_s: float, drift_ppm:
     context = logged & ~valid
     first_ns = int(power.time_ns[part][0]) + half_ns if count else 0
     time_ns = first_ns + np.rint(step_s * 1e9 * np.arange(count)).astype(np.int64)
-    return Recording(name, time_ns, columns, valid, context if context.any() else None, int(ends.sum()))
+    return Recording(name, time_ns, columns, valid, context if context.any() else None, int(ends.sum()), labels)
 
 
 def _near(grid: Floats, t: Floats, within_s: float) -> NDArray[np.bool_]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from acqd.arrays import Floats
+from acqd.robot.labels import Texts
 
 _LEAST_SHARE = 1e-3
 """Of a step: the value itself stands for the mean over less."""
@@ -28,9 +29,9 @@ def resampled(grid: Floats, t: Floats, values: Floats, step_s: float) -> Floats:
     return np.asarray(np.interp(grid, t, values))
 
 
-def held(grid: Floats, t: Floats, values: Floats) -> Floats:
-    """[len(grid)] values that hold from their times `t` (rising) until the next one; the first also before."""
-    return np.asarray(values[np.maximum(np.searchsorted(t, grid, side="right") - 1, 0)], dtype=np.float64)
+def held(grid: Floats, t: Floats, values: Texts) -> Texts:
+    """[len(grid)] labels that hold from their times `t` (rising) until the next one; the first also before."""
+    return values[np.maximum(np.searchsorted(t, grid, side="right") - 1, 0)]
 
 
 def _integral_at(at: Floats, t: Floats, values: Floats, integral: Floats) -> Floats:

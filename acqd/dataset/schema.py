@@ -5,12 +5,13 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet
+from numpy.typing import NDArray
 
-from acqd.arrays import Floats
 from acqd.errors import InputError
 from acqd.parquet_size import check_size
 
@@ -42,14 +43,14 @@ def recording_table(time_ns: np.ndarray, columns: Mapping[str, np.ndarray], slid
     fields = [pa.field(TIME, UTC_NS)]
     arrays = [pa.array(np.asarray(time_ns, dtype=np.int64)).cast(UTC_NS)]
     for name, values in columns.items():
-        array = pa.array(values)
+        array = pa.array(values).dictionary_encode() if values.dtype == object else pa.array(values)
         unit = unit_of(name, sliding)
         fields.append(pa.field(name, array.type, metadata=None if unit is None else {"unit": unit}))
         arrays.append(array)
     return pa.Table.from_arrays(arrays, schema=pa.schema(fields))
 
 
-def read_columns(file: Path) -> dict[str, Floats]:
+def read_columns(file: Path) -> dict[str, NDArray[Any]]:
     """The columns of a recording's file, by name, as `columns_of`. Raises InputError."""
     try:
         # not read_table, which imports pyarrow.dataset
@@ -60,7 +61,7 @@ def read_columns(file: Path) -> dict[str, Floats]:
         raise InputError(file, f"cannot be read ({str(error).splitlines()[0]}); build the dataset again") from None
 
 
-def columns_of(table: pa.Table) -> dict[str, Floats]:
+def columns_of(table: pa.Table) -> dict[str, NDArray[Any]]:
     """The columns [T] of a recording, its time as `time_ns` (int64), which is how earlier versions stored it."""
     columns = {name: table[name].to_numpy() for name in table.column_names if name != TIME}
     if TIME in table.column_names:

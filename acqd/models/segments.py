@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ from acqd.dataset.split import Part
 from acqd.errors import UserError
 from acqd.models.features import continued, derivatives
 from acqd.numerics import runs_of_true
+from acqd.robot.labels import Texts, from_numbers
 from acqd.robot.log_layout import LABELS
 
 _MIN_S = 2.0
@@ -51,7 +53,7 @@ class Segment:
     """[k, axes] rad: likewise after the last one."""
     content: str = ""
     """Hash of the recording's power and angles: the same recording under any name, at any date."""
-    labels: dict[str, Floats] = field(default_factory=dict)
+    labels: dict[str, Texts] = field(default_factory=dict)
     """Numbers [T] of program, step, part and state, where the log had them; NaN where unknown."""
     lag_within_s: float = 0.0
     """Half the width of the 95 % interval of the lag between power and motion, s; 0 for a lag that was given."""
@@ -175,11 +177,16 @@ def segments_of(columns: dict[str, Floats], entry: dict[str, object], step_s: fl
                 before,
                 after,
                 content,
-                labels={name: columns[name][rows] for name in LABELS if name in columns},
+                labels={name: labels[rows] for name in LABELS if (labels := _texts(columns.get(name))) is not None},
                 lag_within_s=float(entry.get("lag_within_s") or 0.0),  # type: ignore[arg-type]
             )
         )
     return segments
+
+
+def _texts(column: NDArray[Any] | None) -> Texts | None:
+    """Labels [T]; earlier versions stored numbers."""
+    return column if column is None or column.dtype == object else from_numbers(column)
 
 
 def content_of(columns: dict[str, Floats], q: Floats) -> str:

@@ -85,11 +85,11 @@ class LogColumns(Section):
     tool_point: str | None = None
     """x, y and z of the tool's centre point in the base frame [m], three columns: they show whose log it is."""
     program: str | None = None
-    """Number of the program that runs, as the other labels a number that holds until the next one."""
+    """The program that runs: as the other labels a name or a number that holds until the next one."""
     step: str | None = None
-    """Number of the program's step."""
+    """The program's step."""
     part: str | None = None
-    """Number of the part, or count of parts."""
+    """The part, or the count of parts."""
     state: str | None = None
     """State of the controller, such as RTDE's runtime_state."""
 

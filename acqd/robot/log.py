@@ -15,7 +15,8 @@ from acqd.robot.bag import is_bag, read_bag
 from acqd.robot.columns import speed_fault, stuck, temperature_fault
 from acqd.robot.description import LogColumns, RobotDescription
 from acqd.robot.garbled import BEYOND, FEW, beyond_limit, clock_restart, garbled_rows, impossible_jump, limits, reach
-from acqd.robot.log_layout import LABELS, PER_AXIS, Columns, layout_of, more_axes, twice, why_not
+from acqd.robot.labels import Texts
+from acqd.robot.log_layout import LABELS, PER_AXIS, Columns, layout_of, more_axes, twice, why_not, word_columns
 from acqd.robot.motion import MotionQuality, doubtful_rows, unwrapped
 from acqd.robot.resolution import resolution, smoothed, smoothing_of
 from acqd.robot.row_clock import LateStamps, clock_fault, late_stamps, set_back
@@ -57,8 +58,8 @@ class RobotLog:
     """[T, axes] degC."""
     signals: dict[str, Floats] = field(default_factory=dict)
     """`tool` and `brake` [T], 0 or 1, where recorded (brake 1: open)."""
-    labels: dict[str, Floats] = field(default_factory=dict)
-    """`program`, `step`, `part` and `state` [T], where recorded: numbers; NaN where a cell holds none."""
+    labels: dict[str, Texts] = field(default_factory=dict)
+    """`program`, `step`, `part` and `state` [T], where recorded."""
     power: Floats | None = None
     """[T] W, measured by the controller: the logged power, or voltage times current of the supply."""
     voltage: Floats | None = None
@@ -87,7 +88,7 @@ def read_log(path: Path, robot: RobotDescription) -> RobotLog:
     Garbled rows are left out if they are few, and the log's `note` names them. Raises InputError that names the row
     and column of what is wrong, UserError without the library that a format needs.
     """
-    return log_of(path, read_bag(path, robot) if is_bag(path) else read_table(path, FEW), robot)
+    return log_of(path, read_bag(path, robot) if is_bag(path) else read_table(path, FEW, word_columns(robot)), robot)
 
 
 def log_of(path: Path, table: Table, robot: RobotDescription) -> RobotLog:
@@ -284,7 +285,7 @@ def _assemble(path: Path, table: Table, layout: LogColumns, columns: Columns) ->
     power, voltage, current = single("power"), single("bus_voltage"), single("bus_current")
     if power is None and voltage is not None and current is not None:
         power = voltage * current
-    labels = {name: column for name in LABELS if (column := single(name)) is not None}
+    labels = {name: table.texts(columns[name][0]) for name in LABELS if name in columns}
     return RobotLog(path, time, q, **others, signals=signals, labels=labels, power=power, voltage=voltage)
 
 

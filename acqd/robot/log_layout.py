@@ -83,6 +83,11 @@ def _in_order(layout: LogColumns, table: Table, axes: int) -> Columns | None:
     return columns if at == table.values.shape[1] else None
 
 
+def word_columns(robot: RobotDescription) -> set[str]:
+    """Names of the columns that may hold words: labels, in all layouts of `robot`."""
+    return {name for layout in [*robot.log, _GENERIC] for label in LABELS if (name := getattr(layout, label))}
+
+
 def _clocks(layouts: list[LogColumns]) -> str:
     """Names of the time columns of some layouts."""
     names = [f"{each.time_s} and {each.time_ns}" if each.time_s and each.time_ns else each.time for each in layouts]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -11,6 +12,7 @@ import numpy as np
 from acqd.arrays import Floats
 from acqd.errors import InputError, UserError
 from acqd.parquet_size import check_size
+from acqd.robot.labels import from_cells
 from acqd.robot.table_text import Table, joined, number_in, text_tables
 
 __all__ = ["Table", "read_table", "text_of"]
@@ -33,17 +35,18 @@ _POSES = ("q", "position", "positions", "actual_q", "joint_positions")
 """Names of columns that hold all angles of a row as a list."""
 
 
-def read_table(path: Path, broken_share: float = 0.0) -> Table:
+def read_table(path: Path, broken_share: float = 0.0, words: Collection[str] = ()) -> Table:
     """A table separated by commas, semicolons, tabs or spaces, with a header or without, or a Parquet file.
 
     Blank lines are skipped. Commas are decimal where semicolons, tabs or spaces separate the columns. Up to
-    `broken_share` of the rows may have a wrong number of cells. Raises InputError, UserError (Parquet without pyarrow).
+    `broken_share` of the rows may have a wrong number of cells. Columns named `words` are read as text, too. Raises
+    InputError, UserError (Parquet without pyarrow).
     """
     if path.suffix == ".parquet":
-        return _read_parquet(path)
+        return _read_parquet(path, words)
     try:
         with path.open("rb") as file:
-            tables = list(text_tables(path, text_of(path, file)))
+            tables = list(text_tables(path, text_of(path, file), words))
     except OSError as error:
         raise InputError(path, f"cannot be read ({error.strerror})") from None
     table = joined(tables)
@@ -68,7 +71,7 @@ def text_of(path: Path, file: BinaryIO) -> BinaryIO:
     return file
 
 
-def _read_parquet(path: Path) -> Table:
+def _read_parquet(path: Path, words: Collection[str]) -> Table:
     """Columns of numbers and of time stamps (as Unix seconds); NaN for a column of anything else."""
     try:
         import pyarrow
@@ -84,8 +87,10 @@ def _read_parquet(path: Path) -> Table:
         raise InputError(path, f"is not a Parquet file ({str(error).splitlines()[0]})") from None
     if not len(table) or not table.num_columns:
         raise InputError(path, "has no rows of numbers")
-    columns = [_numbers(path, name, column) for name, column in zip(table.schema.names, table.columns, strict=True)]
-    return Table(list(table.schema.names), np.column_stack(columns), np.arange(1, len(table) + 1))
+    names: list[str] = table.schema.names
+    columns = [_numbers(path, name, column) for name, column in zip(names, table.columns, strict=True)]
+    texts = {k: from_cells(table.column(k).to_pylist()) for k, name in enumerate(names) if name in words}
+    return Table(names, np.column_stack(columns), np.arange(1, len(table) + 1), words=texts)
 
 
 def _numbers(path: Path, name: str, column: Any) -> Floats:

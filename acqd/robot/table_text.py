@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from acqd.arrays import Floats
 from acqd.errors import InputError
+from acqd.robot.labels import Texts, from_cells, from_numbers
 
 _BLOCK_BYTES = 1 << 20
 _LONGEST_LINE = 1 << 16
@@ -39,6 +40,12 @@ class Table:
     """[rows] line of the file that holds each row, counted from 1; the row's number in a file without lines."""
     broken: dict[int, str] = field(default_factory=dict)
     """What is wrong with the rows (by index) that have another number of cells than the first line: all are NaN."""
+    words: dict[int, Texts] = field(default_factory=dict)
+    """[rows] cells of the columns (by index) that were asked for as text."""
+
+    def texts(self, column: int) -> Texts:
+        """[rows] cells of a column as text."""
+        return self.words[column] if column in self.words else from_numbers(self.values[:, column])
 
     def line(self, row: int) -> int:
         """Line of the file that holds `row`."""
@@ -55,20 +62,21 @@ def joined(tables: list[Table]) -> Table:
         broken |= {rows + row: reason for row, reason in table.broken.items()}
         rows += len(table.values)
     values = np.concatenate([table.values for table in tables])
-    return Table(tables[0].header, values, np.concatenate([table.lines for table in tables]), broken)
+    words = {column: np.concatenate([table.words[column] for table in tables]) for column in tables[0].words}
+    return Table(tables[0].header, values, np.concatenate([table.lines for table in tables]), broken, words)
 
 
-def text_tables(path: Path, file: BinaryIO) -> Iterator[Table]:
+def text_tables(path: Path, file: BinaryIO, words: Collection[str] = ()) -> Iterator[Table]:
     """The rows of `file` in blocks of about 1 MB, each with the header of the file. Raises InputError.
 
-    `path` is the file's name in messages.
+    `path` is the file's name in messages; columns named `words` are read as text, too.
     """
     layout, rows = None, False
     try:
         for numbered in _blocks(path, file):
             if layout is None:
                 numbered = _without_titles(_without_comments(numbered))
-                layout = _Layout.of(numbered[0][1])
+                layout = _Layout.of(numbered[0][1], words)
                 if not layout.width:
                     raise InputError(path, "has no columns in its first line")
                 numbered = numbered[layout.header is not None :]
@@ -138,22 +146,27 @@ class _Layout:
     separator: str | None
     """None: white space."""
     width: int
+    words: tuple[int, ...] = ()
+    """Columns that are read as text, too."""
 
     @classmethod
-    def of(cls, line: str) -> _Layout:
+    def of(cls, line: str, words: Collection[str] = ()) -> _Layout:
         first = line.strip().lstrip("%#").strip()
         separator = next((mark for mark in ";\t," if mark in first), None)
         cells = _split(first, separator)
         named = not all(_is_number(cell, separator) for cell in cells)
-        return cls(cells if named else None, separator, len(cells))
+        columns = tuple(k for k, cell in enumerate(cells) if cell in words) if named else ()
+        return cls(cells if named else None, separator, len(cells), columns)
 
     def table(self, numbered: list[tuple[int, str]]) -> Table:
         lines = np.array([number for number, _ in numbered])
         values = self._plain([line for _, line in numbered])
         if values is not None:
-            return Table(self.header, values, lines)
-        values, broken = self._cells([_split(line, self.separator) for _, line in numbered])
-        return Table(self.header, values, lines, broken)
+            return Table(self.header, values, lines, words={k: from_numbers(values[:, k]) for k in self.words})
+        rows = [_split(line, self.separator) for _, line in numbered]
+        values, broken = self._cells(rows)
+        words = {k: from_cells([self._cell(row[k]) for row in rows]) for k in self.words}
+        return Table(self.header, values, lines, broken, words)
 
     def _plain(self, lines: list[str]) -> Floats | None:
         """[rows, width] of lines that hold nothing but numbers; None if a cell is anything else."""
@@ -173,8 +186,11 @@ class _Layout:
                 broken[number] = f"has {len(cells)} columns, the first line {self.width}; {self._why_width(len(cells))}"
                 rows[number] = ["nan"] * self.width
         if self.separator != "," and any("," in cell for row in rows for cell in row):
-            rows = [[_with_point(cell) for cell in row] for row in rows]
+            rows = [[self._cell(cell) for cell in row] for row in rows]
         return np.array([[number_in(cell) for cell in row] for row in rows]).reshape(-1, self.width), broken
+
+    def _cell(self, cell: str) -> str:
+        return cell if self.separator == "," else _with_point(cell)
 
     def _why_width(self, count: int) -> str:
         if self.separator == "," and count in (2 * self.width, 2 * self.width - 1):

@@ -13,6 +13,7 @@ from acqd.arrays import Floats
 from acqd.errors import UserError
 from acqd.models.segments import Segment
 from acqd.models.yearly import moving_rows
+from acqd.robot.labels import Texts
 from acqd.robot.log_layout import LABELS
 
 _J_PER_KWH = 3.6e6
@@ -33,19 +34,21 @@ class Labelled:
     """[n] kWh of every unbroken run of rows."""
 
 
-def names_of(segments: Sequence[Segment], label: str, path: Path) -> list[np.ndarray]:
+def names_of(segments: Sequence[Segment], label: str, path: Path) -> list[Texts]:
     """[T] name of the value of every row, of every segment. Raises UserError where no log has the column."""
     if label not in LABELS or not any(label in segment.labels for segment in segments):
         raise UserError(
             f"{path}: its logs have no column {label}; name the column in the robot's description ([[log]] {label} = "
             "..., docs/robots.md) and build the dataset again"
         )
-    return [_names(segment.labels.get(label, np.full(len(segment.P), np.nan))) for segment in segments]
+    return [
+        _known(segment.labels[label]) if label in segment.labels else np.full(len(segment.P), _UNKNOWN, dtype=object)
+        for segment in segments
+    ]
 
 
-def _names(values: Floats) -> np.ndarray:
-    distinct, which = np.unique(values, return_inverse=True)
-    return np.array([f"{value:.12g}" if np.isfinite(value) else _UNKNOWN for value in distinct])[which]
+def _known(labels: Texts) -> Texts:
+    return np.where(labels == "", _UNKNOWN, labels)
 
 
 def labelled(segments: Sequence[Segment], label: str, step_s: float, path: Path) -> list[Labelled]:

@@ -203,8 +203,14 @@ def test_tabs_other_encodings_and_a_last_line_that_is_cut_off_are_read(tmp_path,
     ("content", "line"),
     [
         (gzip.compress(ROWS.encode()), "is compressed; unpack it first: gunzip FILE"),
-        (ROWS.replace("00.40,", "00.40,1,").encode(), "row 12 has 3 columns, the header 2: is it cut off, or are commas"),
-        (b"time,P\n" + b"".join(b"%d,%d\n" % (1_700_000_000 + k, k) for k in range(150)), "P never falls: is it the reg"),
+        (
+            ROWS.replace("00.40,", "00.40,1,").encode(),
+            "row 12 has 3 columns, the header 2: is it cut off, or are commas",
+        ),
+        (
+            b"time,P\n" + b"".join(b"%d,%d\n" % (1_700_000_000 + k, k) for k in range(150)),
+            "P never falls: is it the reg",
+        ),
     ],
 )
 def test_what_is_no_table_of_power_is_refused_with_the_remedy(tmp_path, content, line):

@@ -81,3 +81,18 @@ def test_a_small_file_of_very_many_equal_rows_is_refused_before_it_is_read(tmp_p
     assert path.stat().st_size < 200_000
     with pytest.raises(InputError, match=r"3000001 rows of 4 columns, 1\.2 times what is read at once"):
         read_table(path)
+
+
+def test_labels_are_names_or_numbers_as_text(tmp_path):
+    words = {"program"}
+    path = tmp_path / "a.csv"
+    path.write_text("time;program;q1\n0;Fügen 2;0,5\n1;12,0;0,6\n2;;0,7\n3;7;\n")
+    table = read_table(path, words=words)
+    assert table.texts(1).tolist() == ["Fügen 2", "12", "", "7"]
+    assert table.values[:3, 2].tolist() == [0.5, 0.6, 0.7]
+    path.write_text("time,program,q1\n0,3,0.5\n1,nan,0.6\n")
+    assert read_table(path, words=words).texts(1).tolist() == read_table(path).texts(1).tolist() == ["3", ""]
+    columns = {"time": [0.0, 1.0, 2.0], "program": ["pick", None, "4.0"], "q1": [0.1, 0.2, 0.3]}
+    pyarrow.parquet.write_table(pyarrow.table(columns), tmp_path / "a.parquet")
+    table = read_table(tmp_path / "a.parquet", words=words)
+    assert table.texts(1).tolist() == ["pick", "", "4"] and np.isnan(table.values[0, 1])

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from acqd.dataset.resample import resampled
 from acqd.models.segments import Segment
 from acqd.robot import load_description
+from acqd.robot.labels import from_numbers
 from acqd.robot.log import in_time, read_log
 from acqd.work.cycle_energy import cycle_energy
 from acqd.work.cycles import cycles_of
@@ -106,10 +107,11 @@ def dataset(tmp_path_factory):
     rows = ["time,P,Vrms,flags", *(f"{a - STEP / 2:.6f},{b:.6f},230,simulated" for a, b in zip(t, P, strict=True))]
     (folder / "power.csv").write_text("\n".join([*rows, ""]))
     (folder / "logs").mkdir()
-    names = ",".join(["timestamp", *(f"actual_q_{k}" for k in range(AXES)), "runtime_state", "part"])
+    names = ",".join(["timestamp", *(f"actual_q_{k}" for k in range(AXES)), "runtime_state", "part", "module"])
+    modules = [_MODULES[k % 3] if k >= 0 else "" for k in number]
     lines = [
-        f"{when:.6f}," + ",".join(f"{x:.8f}" for x in row) + f",{2 if k >= 0 else 1},{k}"
-        for when, row, k in zip(t, q, number, strict=True)
+        f"{when:.6f}," + ",".join(f"{x:.8f}" for x in row) + f",{2 if k >= 0 else 1},{k},{module}"
+        for when, row, k, module in zip(t, q, number, modules, strict=True)
     ]
     (folder / "logs" / "a.csv").write_text("\n".join([names, *lines, ""]))
     (folder / "robot.toml").write_text(own_description())
@@ -121,10 +123,14 @@ def dataset(tmp_path_factory):
     return folder / "ds"
 
 
+_MODULES = ("Greifen", "Fügen 2", "Ablegen")
+
+
 def own_description():
-    """The UR10e with a column of parts, which the user names."""
+    """The UR10e with columns of parts and programs, which the user names."""
     shipped = ROOT / "acqd" / "robot" / "descriptions" / "ur10e.toml"
-    return shipped.read_text().replace('state = "runtime_state"', 'state = "runtime_state"\npart = "part"')
+    state = 'state = "runtime_state"'
+    return shipped.read_text().replace(state, f'{state}\npart = "part"\nprogram = "module"')
 
 
 def test_outliers_have_a_cause_and_sums_are_the_measured_energy(dataset, tmp_path):
@@ -151,7 +157,10 @@ def test_parts_and_states_from_the_log(dataset):
     assert kwh["9"] == pytest.approx((260 * 3.5 + 120 * 1.6) / 3.6e6, rel=0.02)
     by_state = json.loads(acqd_here("energy", "work", dataset, "--by", "state", "--json").stdout)
     assert [each["state"] for each in by_state["values"]] == ["1", "2"]
-    for said in (by_part, by_state):
+    by_program = json.loads(acqd_here("energy", "work", dataset, "--by", "program", "--json").stdout)
+    assert [each["program"] for each in by_program["values"]] == ["unknown", *_MODULES]
+    assert [len(each["visit_kWh"]) for each in by_program["values"]][1:] == [5, 5, 4]
+    for said in (by_part, by_state, by_program):
         assert sum(each["kWh"] for each in said["values"]) == pytest.approx(said["measured_kWh"], rel=1e-12)
         assert all(sum(e["visit_kWh"]) == pytest.approx(e["kWh"], rel=1e-12) for e in said["values"])
 
@@ -190,8 +199,7 @@ def test_a_warm_up_and_standby_are_named_and_other_motion_is_another_path():
 
 def test_rows_without_a_number_are_unknown():
     segment = in_memory(cycles([1.0] * 3), lambda k: 200.0)
-    step = np.arange(len(segment.P)) // 100 * 10.0
-    step[:50] = np.nan
+    step = from_numbers(np.where(np.arange(len(segment.P)) < 50, np.nan, np.arange(len(segment.P)) // 100 * 10.0))
     values = labelled([replace(segment, labels={"step": step})], "step", STEP, Path("ds"))
     assert [each.name for each in values][:3] == ["unknown", "0", "10"]
     assert sum(each.kWh for each in values) == pytest.approx(segment.P.sum() * STEP / 3.6e6, rel=1e-12)

@@ -5,8 +5,8 @@
 The laboratory's controller moves three robots. Sessions of pick cycles have part positions, speeds, blends and waiting
 times that vary, some slow cycles, and interruptions; angles are sampled every 40 ms with the noise of encoders. The
 cycle begins where the arm leaves its longest rest, which is at home or at a machine. A loop without rests has no
-such moment, and its phase is arbitrary: boundaries are compared with the passes of home, pick or place, whichever fits
-best, without their median offset. Random motion visits random positions, or six stations in random order.
+such moment, and any point of its path may be the first: boundaries are compared with the passes of the point that fits
+best. Random motion visits random positions, or six stations in random order.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ import json
 from dataclasses import asdict, dataclass, field
 
 import numpy as np
-from rich.console import Console
 from rich.table import Table
 
 from acqd.motion.chain import Move
 from acqd.motion.controller import Controller, Phase, Step, Wait
 from acqd.robot.description import RobotDescription, load_description
 from acqd.work.cycles import cycles_of
+from tools.common.tables import show
 
 ROBOTS = ("iiwa7_r800", "ur10e", "kinova_gen3")
 KINDS = ("wait at home", "wait at machine", "loop without rest")
@@ -30,6 +30,8 @@ RANDOM = ("random positions", "stations in random order")
 STEP_S, RATE_HZ = 0.04, 1000
 WITHIN_S = 0.08
 NOISE_RAD = 2e-5
+POINTS = 60
+"""Of a loop's path, about 0.2 s apart."""
 
 
 @dataclass
@@ -59,7 +61,7 @@ class Session:
 
     q: np.ndarray
     starts: list[np.ndarray]
-    """One array; of a loop, one for each of three points."""
+    """One array; of a loop, one for each of many points of its path."""
 
 
 def pick_cycles(robot: RobotDescription, kind: str, cycles: int, random: np.random.Generator) -> Session:
@@ -92,8 +94,7 @@ def pick_cycles(robot: RobotDescription, kind: str, cycles: int, random: np.rand
                 steps += [Wait(rest), Phase(f"left {number} {place_number}")]
     motion = Controller(robot, home).run(steps)
     if loop:
-        passes = [_passes(motion.q, point, cycles) for point in (home, pick, place)]
-        return Session(_sampled(motion.q, random), passes)
+        return Session(_sampled(motion.q, random), _loops(motion.q, home, cycles))
     return Session(_sampled(motion.q, random), [_starts(motion.phase, motion.phase_number, motion.q, kind)])
 
 
@@ -132,6 +133,13 @@ def _starts(names: list[str], number: np.ndarray, q: np.ndarray, kind: str) -> n
     return np.array([moving[np.searchsorted(moving, each)] for each in at if each <= moving[-1]]) / RATE_HZ
 
 
+def _loops(q: np.ndarray, home: np.ndarray, cycles: int) -> list[np.ndarray]:
+    """When the arm passes each of POINTS points of a cycle's path, once in every cycle, s."""
+    first, last = (_passes(q, home, cycles)[cycles // 2 :][:2] * RATE_HZ).tolist()
+    points = q[np.linspace(first, last, POINTS, endpoint=False).astype(int)]
+    return [_passes(q, point, cycles) for point in points]
+
+
 def _passes(q: np.ndarray, point: np.ndarray, cycles: int) -> np.ndarray:
     """When the arm passes a point, once in every cycle, s: the nearest rows, at least half a cycle apart."""
     distance = np.linalg.norm(q - point, axis=1)
@@ -151,18 +159,10 @@ def judge(score: Score, session: Session) -> None:
     score.claimed += len(found)
     if not len(session.starts[0]) or not len(found):
         return
-    errors = [np.abs(starts[:, None] - _in_phase(found, starts, score.motion)).min(axis=1) for starts in session.starts]
+    errors = [np.abs(starts[:, None] - found).min(axis=1) for starts in session.starts]
     error = max(errors, key=lambda each: int((each <= WITHIN_S).sum()))
     score.hit += int((error <= WITHIN_S).sum())
     score.error_ms += (1000 * error[error <= 1.0]).tolist()
-
-
-def _in_phase(found: np.ndarray, starts: np.ndarray, motion: str) -> np.ndarray:
-    """Of a loop, the boundaries without their median offset."""
-    if motion != KINDS[2]:
-        return found
-    nearest = starts[np.abs(starts[:, None] - found).argmin(axis=0)]
-    return np.asarray(found - np.median(found - nearest))
 
 
 def main() -> None:
@@ -191,7 +191,7 @@ def main() -> None:
         median = f"{np.median(each.error_ms):.0f} ms" if each.error_ms else ""
         table.add_row(each.robot, each.motion, *map(str, (each.sessions, each.true, each.hit)), share,
                       str(each.claimed), median)  # fmt: skip
-    Console().print(table)
+    show(table, width=120)
 
 
 if __name__ == "__main__":

@@ -3,14 +3,16 @@
     python -m tools.studies.foreign OUT --robot 7 --strength 10 --amount full --seeds tune [--jobs 2] [--json]
 
 Every case has recordings before and after; effects are hidden in those after. acqd gets power rows, logs and a
-description that is 10 to 20 % wrong. `--acqd TREE` judges another source tree (with `--label`, so that its results lie
-beside the others). Results that are there are not made again; generated files are shared by all labels.
+description that is 10 to 20 % wrong. The loop runs in the study's processes; `--acqd TREE` runs the commands of a
+source tree, pages included (with `--label`, so that its results lie beside the others). Results that are there are not
+made again; generated files are shared by all labels.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import os
 import sys
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from fnmatch import fnmatch
@@ -19,11 +21,14 @@ from typing import Any
 
 from rich.console import Console
 
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as acqd's commands: small matrices, which threads slow down
+
 from tools.common.tables import show
 from tools.studies.foreign.cases import PLANS, ROBOTS, STRENGTHS, Case, World, cases
 from tools.studies.foreign.judge import outcome
 from tools.studies.foreign.picture import draw
-from tools.studies.foreign.runner import Runner, StepError, judged_tree, result_files
+from tools.studies.foreign.runner import Runner, result_files
+from tools.studies.foreign.steps import StepError, judged_tree
 from tools.studies.foreign.tables import changes, reliability, row, summary, tables
 
 FIRST_SEED = {"tune": 1, "test": 1001}
@@ -47,7 +52,7 @@ def options() -> argparse.Namespace:
     add("--worlds", type=int, default=1, help="number of plants (default 1)")
     add("--only", action="append", metavar="GLOB", help="cases by name, such as 'clean-*' or 'payload-10'")
     add("--jobs", type=int, default=1, help="cases at the same time (default 1)")
-    add("--acqd", type=Path, metavar="TREE", help="source tree of the acqd that is judged (default PYTHONPATH)")
+    add("--acqd", type=Path, metavar="TREE", help="judge the commands of a source tree")
     add("--label", default="base", help="folder of the results of this acqd (default base)")
     add("--again", action="store_true", help="train again and run again what has results")
     add("--show", action="store_true", help="only the tables of all results in OUT under this label")

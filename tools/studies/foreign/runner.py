@@ -1,8 +1,4 @@
-"""Runs acqd on the files of a case, as a user would: `dataset build`, `train`, `close-loop`.
-
-acqd runs in separate processes with the study's folder as working directory, so that PYTHONPATH (or `--acqd`)
-decides which acqd is judged.
-"""
+"""Files and results of a plant's cases."""
 
 from __future__ import annotations
 
@@ -10,8 +6,6 @@ import hashlib
 import json
 import os
 import shutil
-import subprocess
-import sys
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,12 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from tools.studies.foreign.cases import Case, World, make_after, make_before
-
-_BUNDLE = "grey-box"
-
-
-class StepError(Exception):
-    """A step cannot be done; the message says why, in acqd's words where acqd refused."""
+from tools.studies.foreign.steps import Commands, InThisProcess, StepError, Steps, judged_tree
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +25,12 @@ class Runner:
     label: str
     """Folder of this acqd's datasets, models and results."""
     tree: Path | None
-    """Source tree of acqd; None: PYTHONPATH, else the study's own tree."""
+    """Source tree of the acqd whose commands are judged; None: the acqd that is imported here, without its pages."""
+
+    @property
+    def steps(self) -> Steps:
+        """What is judged."""
+        return InThisProcess() if self.tree is None else Commands(self.tree, self.work)
 
     @property
     def data(self) -> Path:
@@ -89,7 +83,7 @@ class Runner:
         dataset = self.work / "before.ds"
         shutil.rmtree(dataset, ignore_errors=True)
         self.build(files, dataset)
-        self._acqd("train", dataset, "--network", _BUNDLE, "--out", bundle, "--jobs", 1)
+        self.steps.train(dataset, bundle)
         return bundle
 
     def forget(self, cases: Sequence[Case]) -> None:
@@ -115,9 +109,8 @@ class Runner:
         self.build(self.data / case.name, folder / "ds")
         seconds["build"] = time.monotonic() - begun
         begun = time.monotonic()
-        printed = self._acqd("close-loop", folder / "ds", "--model", bundle, "--out", folder / "loop", "--json")
+        report = self.steps.close(folder / "ds", bundle, folder / "loop")
         seconds["close"] = time.monotonic() - begun
-        report: dict[str, Any] = json.loads(printed)
         report.pop("thresholds", None)
         return report
 
@@ -128,14 +121,11 @@ class Runner:
         shutil.rmtree(dataset)
         return {entry["name"]: entry["lag_s"] - lags_s[entry["name"]] for entry in manifest["recordings"]}
 
-    def build(self, files: Path, dataset: Path, *more: object) -> None:
-        """A dataset of the files of a session, with `more` options. Raises StepError."""
+    def build(self, files: Path, dataset: Path, cut_s: float | None = None) -> None:
+        """A dataset of the files of a session. Raises StepError."""
         dataset.parent.mkdir(parents=True, exist_ok=True)
-        known = [] if self.world.own_clocks else ["--lag", "0"]
-        self._acqd(
-            "dataset", "build", "--power", files / "power.csv", "--logs", files / "logs",
-            "--robot", self._description(), "--out", dataset, *known, *more,
-        )  # fmt: skip
+        lag_s = None if self.world.own_clocks else 0.0
+        self.steps.build(files / "power.csv", files / "logs", self._description(), dataset, lag_s=lag_s, cut_s=cut_s)
 
     def _description(self) -> Path:
         """The shipped description; that it may be 20 % wrong is said, because no masses of these plants are exact."""
@@ -146,23 +136,6 @@ class Runner:
             partial.write_text(shipped.read_text().replace("mass_deviation = 0.1 ", "mass_deviation = 0.2 "))
             partial.rename(own)
         return own
-
-    def _acqd(self, *arguments: object) -> str:
-        done = subprocess.run(
-            [sys.executable, "-m", "acqd", *map(str, arguments)], cwd=self.work, env=environment(self.tree),
-            capture_output=True, text=True, check=False,
-        )  # fmt: skip
-        if done.returncode:
-            lines = done.stderr.strip().splitlines() or ["no message"]
-            raise StepError(f"acqd {arguments[0]} ended with {done.returncode}: {' '.join(lines[-3:])}")
-        return done.stdout
-
-
-def environment(tree: Path | None) -> dict[str, str]:
-    """Environment of acqd's processes: one thread each, and the source tree that is judged."""
-    chosen = str(tree) if tree else os.environ.get("PYTHONPATH") or str(Path(__file__).resolve().parents[3])
-    return os.environ | {"PYTHONPATH": os.pathsep.join(str(Path(part).resolve()) for part in chosen.split(os.pathsep)),
-                         "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}  # fmt: skip
 
 
 def generator_digest() -> str:
@@ -176,15 +149,6 @@ def generator_digest() -> str:
 def result_files(out: Path, label: str) -> list[Path]:
     """Results of all plants under a label."""
     return sorted(out.glob(f"*/{label}/results/*.json"))
-
-
-def judged_tree(tree: Path | None) -> str:
-    """Folder of the acqd that is judged."""
-    code = "import acqd, pathlib; print(pathlib.Path(acqd.__file__).parent)"
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd="/", env=environment(tree), stdout=subprocess.PIPE, text=True, check=True
-    )
-    return done.stdout.strip()
 
 
 def _parent(folder: Path) -> Path:

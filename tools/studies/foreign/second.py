@@ -39,7 +39,8 @@ from tools.studies.foreign.cases import World, cases, make_after, make_second
 from tools.studies.foreign.generator import motion as foreign
 from tools.studies.foreign.judge import Result, accepts, kind, outcome
 from tools.studies.foreign.robustness import world_of
-from tools.studies.foreign.runner import Runner, StepError, result_files
+from tools.studies.foreign.runner import Runner, result_files
+from tools.studies.foreign.steps import StepError
 
 _CUT_S = 45
 """Length of the recordings that a long one is cut into."""
@@ -105,7 +106,7 @@ class Second:
         for name, motion in self._motions(designed, minutes, long_min).items():
             session = self.folder / name
             files = make_second(self.world, self.case, session / "data", truth, name, motion)
-            self._build(files, session, "--cut", _CUT_S)
+            self._build(files, session, _CUT_S)
             said[name] = answer(self._closed(first, session))
         promised = {"now": designed.so_far, "designed": designed.after, "d_optimal": designed.for_parameters}
         row = {
@@ -129,9 +130,9 @@ class Second:
                 found[name] = foreign.Plan(round(60 * length / _CUT_S), float(_CUT_S))
         return found
 
-    def _build(self, files: Path, session: Path, *more: object) -> None:
+    def _build(self, files: Path, session: Path, cut_s: float | None = None) -> None:
         if not (session / "ds").exists():
-            self.runner.build(files, session / "ds", *more)
+            self.runner.build(files, session / "ds", cut_s)
 
     def _closed(self, first: Path, *second: Path) -> Result:
         """Like a result of the study."""
