@@ -218,9 +218,9 @@ def _contradiction(sample: Sample, robot: RobotDescription) -> str:
         return ""
     worst = min(explained, key=lambda axis: explained[axis])
     return (
-        f"the torques do not belong to the angles (worst joint {robot.joint[worst].name}, of which masses, friction "
-        f"and rotor explain {max(explained[worst], 0.0):.0%}): are the columns in the order of {robot.name}'s axes, and of "
-        "this recording?"
+        f"the torques do not belong to the angles (worst joint {robot.joint[worst].name}, of which masses, "
+        f"friction and rotor explain {max(explained[worst], 0.0):.0%}): are the columns in the order of {robot.name}'s "
+        "axes, and of this recording?"
     )
 
 

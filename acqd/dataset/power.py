@@ -150,9 +150,7 @@ def _spool(origin: str, blocks: Iterator[PowerRows], clock: LocalClock) -> Power
         raise UserError(f"power {origin}: P is constant or missing; is this the robot's channel?")
     changes = np.diff(known)
     if len(known) >= _SAMPLE and (changes >= 0).all() and (changes > 0).mean() > _RISES:
-        raise InputError(
-            origin, "P never falls: is it the register of an energy (Wh)? Expected the power of each row, W"
-        )
+        raise InputError(origin, "P never falls: is it the register of an energy? Expected the power of each row, W")
     measured: Measured = next((label for label in _LABELS if label in flags), "mains")
     stamp_error_s += _doubt_values(origin, mapped["P"], window_ns, notes)
     return PowerStream(

@@ -30,6 +30,10 @@ _CUTOFF_HZ = 12.0  # well above BAND_HZ: smoothing the angles changes nothing be
 _ROUNDED_CUTOFF_HZ = 8.0  # for times in whole milliseconds: their rounding is noise of the accelerations
 BAND_HZ = 2.5
 """Regressors and power are compared below this frequency; above it, encoder and recorder artefacts dominate."""
+_CLOSE = 0.1
+"""Step over the usual one, below which rows nearly coincide."""
+_PAUSE_S = 0.25
+"""Longest step that counts for the usual one."""
 _SIGN_SPEED = 0.02  # rad/s, width of the smoothed sign of the speed
 _PULSE_EDGES_S = (0.0, 0.12, 0.3, 0.6)
 """Edges of the pulses after the brakes have opened."""
@@ -188,9 +192,26 @@ def _rounded(time: Floats) -> bool:
 
 
 def _smooth(grid: Floats, time: Floats, values: Floats, cutoff_hz: float = _CUTOFF_HZ) -> Floats:
-    even = CubicSpline(time, values)(grid)  # straight lines between 40 ms samples would blur like a supply's lag
+    even = CubicSpline(*_apart(time, values))(
+        grid
+    )  # straight lines between 40 ms samples would blur like a supply's lag
     filtered = butter(2, cutoff_hz, fs=1 / STEP_S, output="sos")
     return np.asarray(sosfiltfilt(filtered, even, axis=0))
+
+
+def _apart(time: Floats, values: Floats) -> tuple[Floats, Floats]:
+    """Times and values without rows that nearly coincide, as those of a packet: their means.
+
+    A spline through two values of an encoder that are 0.1 ms apart swings far beyond both.
+    """
+    step = np.diff(time)
+    usual = float(np.minimum(step, _PAUSE_S).mean())
+    new = np.concatenate([[0], np.cumsum(step >= _CLOSE * usual)])
+    if new[-1] == len(time) - 1:
+        return time, values
+    counts = np.bincount(new)
+    means = [np.bincount(new, column) / counts for column in (time - time[0], *values.T)]
+    return time[0] + means[0], np.column_stack(means[1:])
 
 
 def _averaged(columns: Floats, window_s: float) -> Floats:

@@ -138,8 +138,8 @@ def test_a_message_without_all_positions_is_left_out(tmp_path):
 
 
 def test_one_stamp_for_all_messages_is_no_time(tmp_path):
-    messages = [(ns, STATE(state(0, NAMES).header, *(getattr(s, n) for n in ("name", "position", "velocity", "effort"))))
-                for ns, s in states()]  # fmt: skip
+    header = state(0, NAMES).header
+    messages = [(ns, STATE(header, s.name, s.position, s.velocity, s.effort)) for ns, s in states()]
     log = read_log(write_bag(tmp_path / "bag", {"/joint_states": messages}), load_description("ur10e"))
     np.testing.assert_allclose(log.time, 2 + 0.01 * np.arange(ROWS), atol=1e-6)
 
