@@ -42,6 +42,8 @@ _PAUSE_S = 0.6
 """Step between rows that is a pause of the recorder, not a late packet."""
 _REST_S = 0.3
 """Time without motion that ends a line."""
+_REST_OFF_S = 0.15
+"""Difference of such a time from that of as many rows in motion, from which on rows may be missing in it."""
 _RESTS = 3.0
 """Usual steps of one pose, written again and again, that are a rest."""
 _EARLIEST = 0.02
@@ -126,8 +128,10 @@ def late_stamps(time: Floats, q: Floats, speed: Floats, q_step: Floats) -> LateS
         return None
     rows = np.where(judged, np.maximum(np.rint(ways.way), 1.0), 1.0)  # rows that were lost count
     pauses = rests | (steps >= _PAUSE_S)
-    for start, end in runs_of_true(~judged):  # an arm that rests tells no time
-        pauses[start:end] |= stamps[end] - stamps[start] > _REST_S
+    row_s = float(steps[judged].sum() / rows[judged].sum())
+    for start, end in runs_of_true(~judged):  # an arm that rests tells no time, but rows go on at the same rate
+        span = stamps[end] - stamps[start]
+        pauses[start:end] |= span > _REST_S and abs(span - row_s * (end - start)) > _REST_OFF_S
     even = even_times(stamps, rows=rows, pauses=pauses)
     moved = np.linalg.norm(np.diff(q[new] / speed, axis=0), axis=1)
     if _changes(stamps, moved, judged) < _SMOOTHER * _changes(even.time, moved, judged):
