@@ -25,7 +25,9 @@ def chromium() -> Iterator[object]:
     """A browser of playwright."""
     api, program = needs_chromium()
     with api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=program, args=["--no-sandbox"])
+        browser = playwright.chromium.launch(
+            executable_path=program, args=["--no-sandbox", "--enable-unsafe-swiftshader"]
+        )
         yield browser
         browser.close()
 

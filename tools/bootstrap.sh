@@ -128,6 +128,7 @@ describe_packages() {
         --report "$clean/report.json" -e ".${1:+[$1]}"
     "$venv/bin/cyclonedx-py" environment --pyproject pyproject.toml --output-reproducible --of JSON \
         -o acqd.cdx.json "$clean/venv/bin/python"
+    "$venv/bin/python" -m tools.vendored acqd.cdx.json
     "$venv/bin/python" -m tools.lock "$clean/report.json" >requirements.lock
     say "wrote acqd.cdx.json and requirements.lock"
 }

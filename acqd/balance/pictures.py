@@ -11,17 +11,13 @@ from acqd.arrays import Floats
 from acqd.balance.balance import Span
 from acqd.balance.rows import Rows
 from acqd.models.effects.cause import Cause
+from acqd.report.palette import CAUSES
 from acqd.report.sankey import Flow, Node, sankey
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-COLOURS = {
-    Cause.STANDBY: "#94a3b8", Cause.GRAVITY: "#0e7490", Cause.ACCELERATION: "#67b7dc", Cause.DRY: "#b45309",
-    Cause.VISCOUS: "#e0a458", Cause.COLD: "#c77dff", Cause.COPPER: "#c0392b", Cause.DRIVES: "#8d6e63",
-    Cause.BRAKES: "#7c9a3a", Cause.TOOL: "#059669", Cause.LOAD: "#7c3aed", Cause.BURNT: "#e83e8c",
-    Cause.OTHER: "#5b7083", Cause.METER: "#4d4d4d", Cause.UNNAMED: "#b8a9c9",
-}  # fmt: skip
+COLOURS = {cause: CAUSES[cause.value] for cause in Cause}
 _BACK, _MAINS, _PLAIN = "#2a9d8f", "#1d6fa5", "#9aa5b1"
 _CURVE_S, _CURVE_STEP_S = 60.0, 0.2
 

@@ -8,6 +8,26 @@ from acqd.daemon.section import Port
 from acqd.section import FileName, Section
 
 
+class ProxySection(Section):
+    """`[web.proxy]`: people log in at a reverse proxy, which names them in headers."""
+
+    secret_file: FileName
+    """Holds what the proxy sends as X-Acqd-Proxy: without it no header is believed, and no request answered."""
+    user_header: str = "X-Auth-Request-User"
+    groups_header: str = "X-Auth-Request-Groups"
+    """Groups are separated by commas."""
+    read: list[str] = Field(default=[])
+    """Groups that may look."""
+    act: list[str] = Field(default=[])
+    """Groups that may also search, bring files and replace the model."""
+
+    @model_validator(mode="after")
+    def _somebody(self) -> ProxySection:
+        if not self.read and not self.act:
+            raise ValueError("read and act name no group: nobody could look")
+        return self
+
+
 class WebSection(Section):
     """Where the page is served, and which folders it shows."""
 
@@ -19,12 +39,18 @@ class WebSection(Section):
     port: Port = 8731
     token: str = Field(default="", repr=False)
     """Asked for in the address; empty: none on loopback, elsewhere a new one per start."""
+    proxy: ProxySection | None = None
+    """Roles behind a reverse proxy; they replace the token."""
     robot: str = ""
     """Robot whose posture is drawn; empty: none."""
     reports: FileName | None = None
     """Folder with results of `acqd close-loop`; its newest report is shown, and proposals are written there."""
     loop: bool = False
     """Whether the page may search for the cause of an alarm, and replace the model when somebody confirms that."""
+    files: bool = False
+    """Whether the page takes files of visitors and closes the loop on them; results go to `reports`."""
+    files_MB: float = Field(default=500.0, gt=0, le=20_000)
+    """Of the files of one visitor at a time; as much again must stay free on the disk."""
     logs: FileName | None = None
     """Folder of the robot's logs, as for the sidecar."""
     model: FileName | None = None
@@ -37,4 +63,6 @@ class WebSection(Section):
             raise ValueError(
                 f"loop is true, but {' and '.join(missing)} {'is' if len(missing) == 1 else 'are'} not set"
             )
+        if self.files and self.reports is None:
+            raise ValueError("files is true, but reports is not set")
         return self

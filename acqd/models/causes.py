@@ -48,10 +48,14 @@ class Part:
         return np.asarray(self.joints.sum(axis=1))
 
 
+def has_parts(model: Predictor) -> bool:
+    """Whether the power of a model has physical parts: that of a network has none."""
+    return isinstance(model.base if isinstance(model, Augmented) else model, GreyBox | Hybrid)
+
+
 def require_parts(model: Predictor, name: object) -> None:
     """Raise UserError for a model whose power has no physical parts: a network."""
-    base = model.base if isinstance(model, Augmented) else model
-    if not isinstance(base, GreyBox | Hybrid):
+    if not has_parts(model):
         raise UserError(
             f"{name}: a network has no physical parts; train a grey box with a robot description "
             "(acqd train DS --network grey-box) and use that model"

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar
 
+from acqd.report.arm_view import ArmView
 from acqd.report.bars import Bars
 from acqd.report.digits import number
 from acqd.report.lines import Chart
@@ -118,7 +119,7 @@ class Folded:
     blocks: list[Block] = field(default_factory=list)
 
 
-Block = Text | Table | Lines | Ranking | Picture | Chapter | Folded
+Block = Text | Table | Lines | Ranking | Picture | ArmView | Chapter | Folded
 
 
 @dataclass(slots=True)

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from acqd.errors import UserError
+from acqd.report.arm_view import ArmView, asset, scripts
 from acqd.report.bars import Bars
 from acqd.report.blocks import Block, Chapter, Folded, Lines, Picture, Ranking, Section, Text, table_of
 from acqd.report.chain import EMPTY
@@ -21,8 +22,6 @@ from acqd.report.verdict import Verdict
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-_ASSETS = Path(__file__).with_name("assets")
 
 
 class Page:
@@ -88,6 +87,10 @@ class Page:
             )
         )
 
+    def arm(self, view: ArmView) -> None:
+        """Add an arm in motion with its power; three.js comes with the page, compressed."""
+        self._blocks.append(view)
+
     def _noted(self, caption: str, source: str) -> str:
         if not source:
             return caption
@@ -113,9 +116,14 @@ class Page:
         self._pictures += 1
         inner = text.partition("<main>")[2].rpartition("</main>")[0]
         inner = re.sub(r"<nav .*?</nav>", "", inner, flags=re.DOTALL)  # contents of a part are no landmark of the page
+        inner = re.sub(r'<figure class="moving">.*?</figure>', "", inner, flags=re.DOTALL)  # scripts are not in main
         mark = f"c{self._pictures}-"
         inner = re.sub(r'\b(id="|href="#|url\(#|aria-labelledby=")', rf"\g<1>{mark}", inner)
         self._blocks.append(Chapter(title, re.sub(r"(</?)h[12]\b", r"\1h3", inner)))
+
+    def _arm_scripts(self) -> dict[str, str]:
+        blocks = [*self._opening, *(block for section in self._sections for block in section.blocks)]
+        return scripts() if any(isinstance(block, ArmView) for block in blocks) else {}
 
     def write(self, path: Path) -> None:
         """Write the page. Raises UserError when the file cannot be written."""
@@ -136,14 +144,9 @@ class Page:
                 title=self._title, simulated=self._simulated, verdict=self._verdict, opening=self._opening,
                 sections=[section for section in self._sections if section.blocks], head=head.as_script(), pages=EMPTY,
                 footnotes=self._footnotes,
-                provenance=origin, style=_asset("style.css"), script=_asset("script.js"),
+                provenance=origin, style=asset("style.css"), script=asset("script.js"), arm=self._arm_scripts(),
             )
         )  # fmt: skip
-
-
-@cache
-def _asset(name: str) -> str:
-    return (_ASSETS / name).read_text(encoding="utf-8")
 
 
 @cache
@@ -151,4 +154,4 @@ def _template() -> Any:
     from jinja2 import Environment, StrictUndefined
 
     environment = Environment(autoescape=True, undefined=StrictUndefined, keep_trailing_newline=True)
-    return environment.from_string(_asset("page.html"))
+    return environment.from_string(asset("page.html"))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import threading
 import time
+from collections import deque
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -13,11 +14,17 @@ import orjson
 import paho.mqtt.client as paho
 from paho.mqtt.enums import CallbackAPIVersion
 
-from acqd.models.predictor import Predictor, Stream
+from acqd.models.causes import has_parts, parts_of_recording
+from acqd.models.predictor import Predictor, Recorded, Stream
 from acqd.telemetry.mqtt import NO_DELAY, BrokerAddress
 
 _MIN_STEP, _MAX_STEP = 0.75, 1.75
 """Model steps between rows: earlier rows are left out, after a longer gap the prediction starts again."""
+
+_CAUSES_S = 0.2
+"""Between two messages with causes: five a second are enough for a picture."""
+_REMEMBERED = 75
+"""Rows that the split by cause is computed from; its first rows do not know the lag of the supply."""
 
 
 class _Row(NamedTuple):
@@ -39,6 +46,8 @@ class Live:
     predicted: int = 0
     _stream: Stream | None = None
     _last_s: float = 0.0
+    _split_s: float = 0.0
+    _recent: deque[_Row] = field(default_factory=lambda: deque(maxlen=_REMEMBERED))
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
     def answer(self, payload: bytes) -> bytes | None:
@@ -49,11 +58,30 @@ class Live:
             return None
         with self._lock:
             power = self._step(row)
+            split = {} if power is None else self._causes(row.time_s)
         if power is None:
             return None
         self.predicted += 1
         late_s = self.model.radius * self.model.step_s
-        return orjson.dumps({"time": row.time_s - late_s, "P_predicted": power, "late_s": late_s})
+        return orjson.dumps({"time": row.time_s - late_s, "P_predicted": power, "late_s": late_s} | split)
+
+    def _causes(self, now_s: float) -> dict[str, Any]:
+        """The predicted power by cause [W], and the largest cause at every joint; at times only, and of no network."""
+        if now_s - self._split_s < _CAUSES_S or not has_parts(self.model):
+            return {}
+        self._split_s = now_s
+        q, signals = (np.array([row[k] for row in self._recent]) for k in (1, 2))
+        at = len(q) - 1 - self.model.radius
+        parts = parts_of_recording(self.model, Recorded(q, signals, self._recent[0].time_s), len(q))
+        joints: dict[str, Any] = {}
+        for part in parts:
+            joints[part.cause.value] = joints.get(part.cause.value, 0.0) + part.joints[at]
+        names, powers = list(joints), np.array(list(joints.values()))
+        leading, whole = np.abs(powers[:, :-1]).argmax(axis=0), powers[:, :-1].sum(axis=0)
+        return {
+            "causes": {name: round(float(power.sum()), 2) for name, power in joints.items()},
+            "joints": [[names[k], round(float(W), 2)] for k, W in zip(leading, whole, strict=True)],
+        }
 
     def _parsed(self, payload: bytes) -> _Row | None:
         """The row of a message; None unless it has finite numbers for every joint."""
@@ -73,8 +101,10 @@ class Live:
         if 0 <= elapsed < _MIN_STEP * step:
             return None  # the sender is faster than the model
         if self._stream is None or not 0 < elapsed < _MAX_STEP * step:
+            self._recent.clear()
             self._stream = Stream(self.model)  # to the model, a missing row would be a jump of the arm
         self._last_s = row.time_s
+        self._recent.append(row)
         with np.errstate(all="ignore"):
             power = self._stream.step(row.q, row.signals or None)  # type: ignore[arg-type]
         if power is not None and not np.isfinite(power):

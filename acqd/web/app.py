@@ -21,17 +21,21 @@ from starlette.routing import Route
 from acqd.daemon.health.query import SERVICES, Answer, ask
 from acqd.daemon.health.runbook import entry_for
 from acqd.errors import UserError
+from acqd.report.arm_view import ASSETS as OF_REPORTS
+from acqd.report.arm_view import ON_DEMAND
 from acqd.storage.database import read_database
 from acqd.web.access import Access
 from acqd.web.answers import HEADERS, NOT_KEPT, as_response
 from acqd.web.archived import second
 from acqd.web.energy import EnergyOfDays
 from acqd.web.export import lines
+from acqd.web.files_routes import FilesRoutes
 from acqd.web.history import Span, devices, history
 from acqd.web.hub import Hub
 from acqd.web.loop_routes import LoopRoutes
 from acqd.web.posture import Posture
 from acqd.web.predictions import course, logs
+from acqd.web.proxy import BehindProxy, acts
 from acqd.web.reports import REPORT_POLICY, newest_report, summary
 from acqd.web.runbook import runbook_page
 from acqd.web.scope import Scope, ScopeError
@@ -51,9 +55,12 @@ class Site:
         self.hub = Hub(settings.broker, self._posture)
         self._scope = Scope(settings.health)
         self._loop = LoopRoutes(settings, self._database)
+        self._files = FilesRoutes(settings, self._loop.job)
+        self._loop.others = lambda: self._files.files.running
         self._days = EnergyOfDays(settings.energy)
         self._engine: sa.Engine | None = None
-        self._assets = {path.name for path in _ASSETS.iterdir() if path.suffix in _SUFFIXES}
+        self._assets = {path.name: path for path in _ASSETS.iterdir() if path.suffix in _SUFFIXES}
+        self._assets |= {name: OF_REPORTS / name for name in ON_DEMAND}
 
     def app(self) -> Starlette:
         """To be served."""
@@ -62,12 +69,18 @@ class Site:
             "/report": self._report, "/api/history": self._history, "/api/devices": self._devices,
             "/api/health": self._health, "/api/window": self._window, "/api/predictions": self._predictions,
             "/api/course": self._course, "/api/report": self._newest, "/api/energy": self._energy,
-            "/api/export": self._export,
+            "/api/arm": self._arm, "/api/export": self._export,
         }  # fmt: skip
         routes = [*(Route(path, endpoint) for path, endpoint in gets.items()), *self._loop.routes()]
+        routes += self._files.routes()
+        return Starlette(routes=routes, middleware=[self._door()], lifespan=self._lifespan)
+
+    def _door(self) -> Middleware:
+        proxy = self._settings.section.proxy
+        if proxy is not None:
+            return Middleware(BehindProxy, secret=self._settings.proxy_secret, section=proxy)
         hosts = frozenset({self._settings.host, "127.0.0.1", "localhost", "[::1]"})
-        guard = Middleware(Access, token=self._settings.token, hosts=hosts)
-        return Starlette(routes=routes, middleware=[guard], lifespan=self._lifespan)
+        return Middleware(Access, token=self._settings.token, hosts=hosts)
 
     @contextlib.asynccontextmanager
     async def _lifespan(self, _: Starlette) -> AsyncIterator[None]:
@@ -75,6 +88,7 @@ class Site:
         yield
         task.cancel()
         await self._loop.job.cancel()
+        await self._files.files.cancel()
 
     async def _page(self, _: Request) -> Response:
         return FileResponse(_ASSETS / "index.html", headers=HEADERS)
@@ -83,7 +97,7 @@ class Site:
         name = request.path_params["name"]
         if name not in self._assets:
             return Response("no such file", 404)
-        return FileResponse(_ASSETS / name, headers=HEADERS | {"cache-control": "no-cache"})
+        return FileResponse(self._assets[name], headers=HEADERS | {"cache-control": "no-cache"})
 
     async def _events(self, _: Request) -> Response:
         headers = NOT_KEPT | {"x-accel-buffering": "no"}
@@ -131,8 +145,10 @@ class Site:
         return StreamingResponse(lines(engine, span, end), headers=NOT_KEPT | attached, media_type="text/csv")
 
     async def _predictions(self, _: Request) -> Response:
-        posture = {"robot": self._posture.robot, "note": self._posture.note}
-        return await self._answer(lambda engine: {"logs": logs(engine), "posture": posture})
+        return await self._answer(lambda engine: {"logs": logs(engine), "note": self._posture.note})
+
+    async def _arm(self, _: Request) -> Response:
+        return as_response(self._posture.as_json())
 
     async def _course(self, request: Request) -> Response:
         return await self._answer(lambda engine: course(engine, request.query_params.get("sha256", "")))
@@ -161,11 +177,14 @@ class Site:
             self._engine = read_database(self._settings.database)
         return self._engine
 
-    async def _health(self, _: Request) -> Response:
+    async def _health(self, request: Request) -> Response:
         section = self._settings.health
         answers = await asyncio.gather(*(asyncio.to_thread(ask, section, service) for service in SERVICES))
         links = {text: entry.anchor for each in answers if each for text in _said(each) if (entry := entry_for(text))}
-        page = {"viewers": self.hub.viewers, "lost": self.hub.lost, "connected": self.hub.connected}
+        page = {
+            "viewers": self.hub.viewers, "lost": self.hub.lost, "connected": self.hub.connected,
+            "files": self._settings.section.files and acts(request),
+        }  # fmt: skip
         return as_response(
             {"services": [asdict(each) for each in answers if each is not None], "page": page, "runbook": links}
         )

@@ -36,7 +36,7 @@ class Hub:
     """One subscription for any number of viewers."""
 
     def __init__(self, address: BrokerAddress, posture: Posture | None = None) -> None:
-        """`posture`: kinematics of the arm to draw; None: none is drawn."""
+        """`posture`: the arm to draw; None: none is drawn."""
         self._address = address
         self._posture, self._postures = posture, dict[str, float]()
         self._viewers: set[asyncio.Queue[bytes]] = set()
@@ -115,6 +115,7 @@ class Hub:
         try:
             message = orjson.loads(payload)
             power = {"device": device, "time": float(message["time"]), "P": float(message["P_predicted"])}
+            power |= _by_cause(message)
         except (orjson.JSONDecodeError, KeyError, TypeError, ValueError):
             return
         self._tell("prediction", power)
@@ -129,16 +130,16 @@ class Hub:
         self._tell("alarm", {"device": device, "alarm": alarm})
 
     def _joints(self, device: str, payload: bytes) -> None:
-        """Five drawings a second: kinematics of every row would be wasted."""
+        """Five drawings a second are enough."""
         now = time.monotonic()
         if self._posture is None or now - self._postures.get(device, 0.0) < _POSTURE_S:
             return
-        points = self._posture.points(payload)
-        if points is not None:
+        joints = self._posture.joints(payload)
+        if joints is not None:
             if len(self._postures) > _MOST_KEPT:
                 self._postures.clear()
             self._postures[device] = now
-            self._tell("posture", {"device": device, "points": points})
+            self._tell("posture", {"device": device} | joints)
 
     def _tell(self, event: str, data: object) -> None:
         text = _event(event, data)
@@ -191,6 +192,16 @@ class Hub:
     def viewers(self) -> int:
         """How many look on."""
         return len(self._viewers)
+
+
+def _by_cause(message: dict[str, object]) -> dict[str, object]:
+    """Causes and joints of a message of acqd/DEVICE/prediction/live that has them. Raises ValueError, TypeError."""
+    causes, joints = message.get("causes"), message.get("joints")
+    if not isinstance(causes, dict) or not isinstance(joints, list):
+        return {}
+    powers = {str(name): float(power) for name, power in causes.items()}
+    leading = [(str(name), float(power)) for name, power in joints]
+    return {"causes": powers, "joints": leading} if all(name in powers for name, _ in leading) else {}
 
 
 def _event(name: str, data: object) -> bytes:

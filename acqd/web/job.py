@@ -7,27 +7,19 @@ below its folder and touches no model.
 from __future__ import annotations
 
 import asyncio
-import contextlib
-import os
-import sys
 import time
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
-import orjson
 import sqlalchemy as sa
 
-from acqd.daemon.child import end
 from acqd.errors import UserError
 from acqd.extras import LOOP, require
 from acqd.timestamps import rfc3339_ms
+from acqd.web.commands import Commands, password_of, without_password
 from acqd.web.predictions import logs_since
 from acqd.web.settings import WebSettings
-
-_STOP_S = 5.0
-_NICE = 15
-_LINE_BYTES = 1 << 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,12 +49,12 @@ class LoopJob:
     def __init__(self, settings: WebSettings) -> None:
         self._settings, self._section = settings, settings.section
         self._task: asyncio.Task[None] | None = None
-        self._process: asyncio.subprocess.Process | None = None
+        self._commands = Commands()
         self.state = JobState()
 
     def start(self, engine: sa.Engine, device: str, since_s: float) -> None:
         """Begin a job on the logs that end after `since_s` (Unix s). Raises UserError; reads the database."""
-        if self.state.state == "running":
+        if self.running:
             raise UserError("a search is running already; wait for it, or cancel it")
         require("the search", LOOP, "loop")
         assert self._section.reports is not None and self._section.logs is not None
@@ -77,6 +69,11 @@ class LoopJob:
         _link_all(folder / "logs", found, self._section.logs)
         self.state = JobState("running", 1, "starting", 0.0, now, since_s, len(found), folder.name)
         self._device = device
+
+    @property
+    def running(self) -> bool:
+        """Whether a search runs."""
+        return self.state.state == "running"
 
     def run(self) -> None:
         """Do what `start` has prepared; in the event loop."""
@@ -99,7 +96,7 @@ class LoopJob:
             await self._command(self._close(folder), 2)
             self._end("done")
         except asyncio.CancelledError:
-            await end(self._process, _STOP_S)
+            await self._commands.end()
             self._end("cancelled")
             raise
         except (UserError, OSError) as error:
@@ -114,7 +111,7 @@ class LoopJob:
 
     def _build(self, folder: Path) -> list[str]:
         robot = ["--robot", self._section.robot] if self._section.robot else []
-        power = _without_password(self._settings.database)
+        power = without_password(self._settings.database)
         device = ["--device", self._device] if self._device else []
         return [
             *("dataset", "build", "--power", power, "--logs", str(folder / "logs"), "--out", str(folder / "dataset")),
@@ -128,34 +125,11 @@ class LoopJob:
 
     async def _command(self, arguments: list[str], part: int) -> None:
         """Run one command of acqd. Raises UserError with its last line when it fails."""
-        self._process = process = await asyncio.create_subprocess_exec(
-            *(sys.executable, "-P", "-m", "acqd", *arguments),
-            stdin=asyncio.subprocess.DEVNULL,
-            stdout=asyncio.subprocess.DEVNULL,
-            stderr=asyncio.subprocess.PIPE,
-            limit=_LINE_BYTES,
-            env=os.environ | {"ACQD_PROGRESS": "lines"} | _password(self._settings.database),
-            start_new_session=True,
-        )
-        with contextlib.suppress(ProcessLookupError):
-            os.setpriority(os.PRIO_PROCESS, process.pid, _NICE)  # the chain that measures goes first
-        assert process.stderr is not None
-        self.state, said = replace(self.state, part=part, step="starting", share=0.0), ""
-        while line := await process.stderr.readline():
-            step = _step(line)
-            if step is None:
-                said = line.decode(errors="replace").strip() or said
-            else:
-                self.state = replace(self.state, step=step[0], share=step[1])
-        if await process.wait():
-            raise UserError(said.removeprefix("acqd: ") or f"acqd {arguments[0]} ended with code {process.returncode}")
+        self.state = replace(self.state, part=part, step="starting", share=0.0)
+        await self._commands.run(arguments, self._told, password_of(self._settings.database))
 
-
-def _step(line: bytes) -> tuple[str, float] | None:
-    with contextlib.suppress(orjson.JSONDecodeError, KeyError, TypeError, ValueError):
-        content = orjson.loads(line)
-        return str(content["step"]), min(max(float(content["share"]), 0.0), 1.0)
-    return None
+    def _told(self, step: str, share: float) -> None:
+        self.state = replace(self.state, step=step, share=share)
 
 
 def _below(folder: Path, name: str) -> Path | None:
@@ -172,14 +146,3 @@ def _link_all(folder: Path, logs: list[Path], base: Path) -> None:
             (folder / "-".join(path.relative_to(base.resolve()).parts)).symlink_to(path)
     except OSError as error:
         raise UserError(f"{folder} cannot be written ({error.strerror}); see [web] reports") from None
-
-
-def _without_password(database: str) -> str:
-    """The database without its password: other users can read the arguments of a process."""
-    return sa.make_url(database).set(password=None).render_as_string() if "://" in database else database
-
-
-def _password(database: str) -> dict[str, str]:
-    """The password in the environment, where libpq looks for it."""
-    password = sa.make_url(database).password if "://" in database else None
-    return {"PGPASSWORD": str(password)} if password else {}

@@ -7,6 +7,7 @@ has a header that other sites cannot set without a permission that is never give
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
 from typing import Any
 
 import orjson
@@ -20,6 +21,7 @@ from acqd.web.answers import as_response
 from acqd.web.applying import LOG, applied, apply
 from acqd.web.job import LoopJob
 from acqd.web.predictions import alarms
+from acqd.web.proxy import acts, named
 from acqd.web.reports import summary
 from acqd.web.settings import WebSettings
 
@@ -34,6 +36,8 @@ class LoopRoutes:
         """`engine`: function that opens the database. It raises UserError."""
         self._settings, self._section, self._engine = settings, settings.section, engine
         self.job = LoopJob(settings)
+        self.others: Callable[[], bool] = lambda: False
+        """Whether other work takes the cores that a search needs."""
 
     def routes(self) -> list[Route]:
         """GET the state; POST start, cancel, apply."""
@@ -41,8 +45,8 @@ class LoopRoutes:
         posts = [Route(f"/api/loop/{name}", self._guarded(work), methods=["POST"]) for name, work in changes.items()]
         return [Route("/api/loop", self._state), *posts]
 
-    async def _state(self, _: Request) -> Response:
-        return as_response(await asyncio.to_thread(self._shown))
+    async def _state(self, request: Request) -> Response:
+        return as_response(await asyncio.to_thread(self._shown) if acts(request) else {"enabled": False})
 
     def _shown(self) -> dict[str, Any]:
         if not self._section.loop:
@@ -78,6 +82,8 @@ class LoopRoutes:
         return guarded
 
     async def _start(self, body: dict[str, Any], _: Request) -> None:
+        if self.others():
+            raise UserError("files are being worked through: wait, or cancel that")
         device, since_s = str(body.get("device", "")), float(body["since"])
         await asyncio.to_thread(lambda: self.job.start(self._engine(), device, since_s))
         self.job.run()
@@ -91,7 +97,7 @@ class LoopRoutes:
         if state.state != "done" or body["folder"] != state.folder:
             raise UserError("this proposal is not the newest; look at the newest one first")
         assert self._section.reports is not None and self._section.model is not None
-        reports, address = self._section.reports, request.client.host if request.client else ""
+        reports, address = self._section.reports, named(request)
         proposal, name = reports / state.folder / "result" / "model", str(body["name"])
         await asyncio.to_thread(apply, proposal, self._section.model, reports / LOG, name, address)
 

@@ -1,48 +1,49 @@
-"""The arm's posture: positions of the joints for a small drawing."""
+"""The arm that the page draws: the chain of a robot description, and the positions of its joints as they come."""
 
 from __future__ import annotations
 
-from importlib.util import find_spec
-from typing import Any
+import math
+import time
 
-import numpy as np
 import orjson
 
 from acqd.errors import UserError
+from acqd.report.palette import CAUSES
 from acqd.robot.description import load_description
+from acqd.robot.frames import frames_of
 
 _MOST_JOINTS = 16
 
 
 class Posture:
-    """Kinematics of one robot; without pinocchio or a robot, `note` says why there is no drawing."""
+    """One robot; without a description that can be read, `note` says why there is no arm."""
 
     def __init__(self, robot: str) -> None:
         """`robot`: a shipped description, a path, or nothing."""
         self.robot, self.note = robot, ""
-        self._arm: Any = None
-        if not robot:
-            self.note = "no robot: set robot in [web]"
-        elif find_spec("pinocchio") is None:
-            self.note = "drawing the arm needs pinocchio: pip install 'acqd[loop]'"
-        else:
-            try:
-                from acqd.robot.arm import Arm
-
-                self._arm = Arm(load_description(robot))
-            except UserError as error:
-                self.note = str(error)
-
-    def points(self, payload: bytes) -> list[list[float]] | None:
-        """Positions [m] of base, joints and flange of a message of acqd/DEVICE/joints; None when it has no usable q."""
-        if self._arm is None:
-            return None
+        self._frames: dict[str, object] | None = None
+        self._axes = 0
         try:
-            q = np.array([float(angle) for angle in orjson.loads(payload)["q"][:_MOST_JOINTS]])
-        except (orjson.JSONDecodeError, KeyError, TypeError, ValueError):
-            return None
-        if q.shape != (self._arm.axes,) or not np.isfinite(q).all():
-            return None
-        from acqd.robot.kinematics import joint_origins
+            if robot:
+                description = load_description(robot)
+                self._frames, self._axes = frames_of(description), description.axes
+        except UserError as error:
+            self.note = str(error)
 
-        return np.round(joint_origins(self._arm, q), 4).tolist()  # type: ignore[no-any-return]
+    def as_json(self) -> dict[str, object]:
+        """For the page: the chain (see `acqd.robot.frames`), and the colours of causes."""
+        return {"robot": self.robot, "note": self.note, "frames": self._frames, "colours": CAUSES}
+
+    def joints(self, payload: bytes) -> dict[str, object] | None:
+        """Time [Unix s] and positions [rad or m] of a message of acqd/DEVICE/joints; None where they are unusable.
+
+        A message without a time is of now.
+        """
+        try:
+            message = orjson.loads(payload)
+            time_s, q = float(message.get("time", time.time())), [float(angle) for angle in message["q"][:_MOST_JOINTS]]
+        except (orjson.JSONDecodeError, AttributeError, KeyError, TypeError, ValueError):
+            return None
+        if not self._axes or len(q) != self._axes or not all(map(math.isfinite, (time_s, *q))):
+            return None
+        return {"time": time_s, "q": [round(angle, 4) for angle in q]}

@@ -20,9 +20,16 @@ def newest_report(folder: Path | None) -> Path | None:
     """Folder of the newest result: `folder` itself, or one or two levels below."""
     if folder is None or not folder.is_dir():
         return None
-    found = [path for depth in ("", "*/", "*/*/") for path in folder.glob(f"{depth}report.html")]
+    pages = [path for depth in ("", "*/", "*/*/") for path in folder.glob(f"{depth}report.html")]
+    found = [path for path in pages if _is_of_loop(path, folder)]
     newest = max(found, key=lambda path: path.stat().st_mtime, default=None)
     return newest.parent if newest is not None else None
+
+
+def _is_of_loop(page: Path, folder: Path) -> bool:
+    """Whether a page is no report of a dataset, and of no search that is still at work in a hidden folder."""
+    hidden = any(part.startswith(".") for part in page.relative_to(folder).parts)
+    return not hidden and not (page.parent / "manifest.json").exists()
 
 
 def summary(report: Path) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from acqd.daemon.energy_section import EnergySection
 from acqd.daemon.health.section import HealthSection
 from acqd.daemon.web_section import WebSection
 from acqd.telemetry.mqtt import BrokerAddress
+from acqd.web.proxy import secret_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +31,8 @@ class WebSettings:
     """Robot, folders and the loop."""
     energy: EnergySection = field(default_factory=EnergySection)
     """Tariff and zone."""
+    proxy_secret: str = field(default="", repr=False)
+    """What the proxy of [web.proxy] sends; without such a proxy ""."""
     archive: Path | None = None
     """Where the daemon keeps samples; None: nowhere."""
 
@@ -41,12 +44,13 @@ class WebSettings:
 
 
 def settings_of(config: Config, database: str, section: WebSection) -> WebSettings:
-    """The settings of [web], as the command line may have changed it."""
-    token = token_for(section.host, section.token or None)
+    """The settings of [web], as the command line may have changed it. Raises UserError."""
+    secret = secret_of(section.proxy) if section.proxy is not None else ""
+    token = None if secret else token_for(section.host, section.token or None)
     archive = config.archive.place(config.state_dir, config.device) if config.archived else None
     return WebSettings(
         config.mqtt.address(), database, config.health, section.host, section.port, token, section, config.energy,
-        archive,
+        secret, archive,
     )  # fmt: skip
 
 

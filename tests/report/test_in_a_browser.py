@@ -1,14 +1,50 @@
 """A report with every kind of block, as readers see it."""
 
+import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
 from acqd.report import KeyFigure, Page, Verdict
+from acqd.report.arm_view import ArmView, Layer, Motion
 from acqd.report.bars import Bar, ranked
+from acqd.robot.arm import Arm
+from acqd.robot.description import load_description
+from acqd.robot.frames import frames_of
+from acqd.robot.kinematics import forward_kinematics
 from tests.browser import chromium, looks, serious_findings
 from tests.report.charts import chart
 
 pytestmark = pytest.mark.browser
+
+
+def arm_view():
+    """Two rows of an arm with two axes; the residual of the second is a payload's."""
+    description = load_description("iiwa7_r800")
+    layer = Layer("standby", "#94a3b8", np.array([[0.0] * 7 + [50.0]] * 2))
+    payload = Layer("payload (flange)", "#7c3aed", np.array([[0.0] * 8, [5.0] + [0.0] * 7]))
+    q = np.array([[0.0] * 7, [0.0, 0.5, 0.0, -1.4, 0.0, 1.1, 0.0]])
+    motion = Motion("run 1", np.array([0.0, 0.1]), q, np.array([50.0, 55.0]), [layer], [payload])
+    return ArmView(frames_of(description), [motion], "An arm.")
+
+
+def the_arm_moves_by_keyboard(view):
+    """Values at the slider, the flange where Pinocchio has it, and three.js unpacked when the arm is in sight."""
+    assert not view.evaluate("'THREE' in window")
+    view.focus(".arm input[type=range]")
+    view.keyboard.press("ArrowRight")
+    assert view.inner_text(".arm output") == "0.10 s"
+    assert "5.0 W" in view.inner_text(".arm .layers li:has-text('payload')")
+    view.wait_for_selector(".arm canvas")
+    view.keyboard.press("Home")
+    assert (
+        view.get_attribute(".arm input[type=range]", "aria-valuetext")
+        == "0.0 seconds: measured 50.0 W, predicted 50.0 W"
+    )
+    frames = "JSON.parse(document.querySelector('.moving script').textContent).frames"
+    flange = view.evaluate(f"acqdArm.posture({frames}, [0, 0.5, 0, -1.4, 0, 1.1, 0]).points.at(-1)")
+    arm = Arm(load_description("iiwa7_r800"))
+    wanted, _ = forward_kinematics(arm, np.array([[0.0, 0.5, 0.0, -1.4, 0.0, 1.1, 0.0]]))
+    assert np.allclose(flange, wanted[0], atol=1e-5)
 
 
 def test_a_report_has_no_serious_accessibility_finding_and_shows_its_values(tmp_path):
@@ -23,6 +59,8 @@ def test_a_report_has_no_serious_accessibility_finding_and_shows_its_values(tmp_
         page.figure(figure, "A line")
         page.bars(ranked([Bar("best", 2.0, "2 W"), Bar("worst", 1.0, "1 W", "muted")], "power [W]"), "")
         page.lines(chart(), "A minute.")
+        if tone == "bad":
+            page.arm(arm_view())
         page.write(tmp_path / f"{tone}.html")
     with chromium() as browser:
         for view in looks(browser):
@@ -33,3 +71,5 @@ def test_a_report_has_no_serious_accessibility_finding_and_shows_its_values(tmp_
             for key in ("Home", "ArrowRight"):
                 view.keyboard.press(key)
             assert "time [s]: 0.04" in view.inner_text(".readout")
+            if view.rules is None:
+                the_arm_moves_by_keyboard(view)

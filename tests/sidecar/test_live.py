@@ -12,6 +12,20 @@ from tests.builders import STEP, grey
 from tests.sidecar.cell import BEGIN, motion
 
 
+def test_five_times_a_second_the_prediction_has_its_causes():
+    model = grey()
+    live, q = Live(model, "joints", "power"), motion(120, 5)
+    said = [
+        live.answer(orjson.dumps({"time": BEGIN + STEP * row, "q": angles.tolist()})) for row, angles in enumerate(q)
+    ]
+    messages = [json.loads(each) for each in said if each is not None]
+    split = [each for each in messages if "causes" in each]
+    assert len(messages) / 6 < len(split) <= len(messages) / 4
+    for each in split[10:]:  # the first ones do not know the lag of the supply
+        assert sum(each["causes"].values()) == pytest.approx(each["P_predicted"], abs=0.1)
+        assert len(each["joints"]) == 6 and all(name in each["causes"] for name, _ in each["joints"])
+
+
 def test_live_rows_are_predicted_as_the_model_says_and_bad_ones_counted():
     model = grey()
     live = Live(model, "joints", "power")

@@ -8,33 +8,62 @@ from pathlib import Path
 
 import pytest
 
+from acqd.errors import OperationError
 from tests.places import ROOT
+from tools.docs.notebooks import MACHINE_PATH, portable, run, sources_of
 from tools.studies.tutorial import TRUTH
 
 NOTEBOOKS = sorted((ROOT / "docs" / "notebooks").glob("*.ipynb"))
 PAGE = ROOT / "docs" / "first-ten-minutes.md"
 
 
+def code_of(path):
+    """The notebook, and its code cells."""
+    notebook = json.loads(path.read_text())
+    return notebook, [cell for cell in notebook["cells"] if cell["cell_type"] == "code"]
+
+
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-def test_notebooks_are_stored_without_output_and_compile(path):
-    cells = json.loads(path.read_text())["cells"]
-    code = [cell for cell in cells if cell["cell_type"] == "code"]
-    assert code and not any(cell["outputs"] or cell["execution_count"] for cell in code)
+def test_notebooks_are_stored_with_the_outputs_of_their_code_and_of_no_computer(path):
+    notebook, code = code_of(path)
+    assert notebook["metadata"]["acqd"]["sources"] == sources_of(notebook), "run python -m tools.docs.notebooks"
+    outputs = [output for cell in code for output in cell["outputs"]]
+    assert len(outputs) >= 4 and not any(output["output_type"] == "error" for output in outputs)
+    for output in outputs:
+        shown = {kind: words for kind, words in output.get("data", {}).items() if not kind.startswith("image/")}
+        assert not MACHINE_PATH.search(json.dumps([output.get("text"), shown]))
     for cell in code:
         compile("".join(cell["source"]), path.name, "exec")
 
 
+def test_the_notebook_of_the_meter_prints_what_it_is_stored_with(capsys, monkeypatch):
+    monkeypatch.setattr("matplotlib.pyplot.show", lambda: None)
+    _, code = code_of(ROOT / "docs" / "notebooks" / "meter-a-recording.ipynb")
+    names = {}
+    for cell in code[:-1]:  # the last one starts a process
+        exec("".join(cell["source"]), names)
+        printed = "".join("".join(output["text"]) for output in cell["outputs"] if "text" in output)
+        assert capsys.readouterr().out == printed
+
+
+def test_an_output_with_a_path_of_the_computer_is_refused(tmp_path):
+    def cell(text):
+        output = {"output_type": "stream", "name": "stdout", "text": text}
+        return {"cells": [{"cell_type": "code", "source": "1", "metadata": {}, "outputs": [output]}]}
+
+    kept = portable(cell(f"{tmp_path}/loop/report.html \x1b[1mbold\x1b[0m\n"), tmp_path)
+    assert kept["cells"][0]["outputs"][0]["text"] == ["loop/report.html bold\n"]
+    with pytest.raises(OperationError, match="/usr/bin/python3"):
+        portable(cell("/usr/bin/python3"), tmp_path)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-def test_notebooks_run(path, tmp_path):
+def test_notebooks_run(path):
     pytest.importorskip("nbclient", reason="nbclient is not installed: pip install 'acqd[notebooks]'")
     pytest.importorskip("ipykernel")
     pytest.importorskip("pandas")
-    import nbformat
-    from nbclient import NotebookClient
-
-    notebook = nbformat.read(path, as_version=4)
-    NotebookClient(notebook, timeout=1200, resources={"metadata": {"path": str(tmp_path)}}).execute()
+    run(path)
 
 
 def commands_of(page: Path) -> list[str]:

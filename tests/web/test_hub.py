@@ -9,7 +9,7 @@ import pytest
 
 from acqd.telemetry.mqtt import BrokerAddress
 from acqd.web.access import Access
-from acqd.web.hub import Hub
+from acqd.web.hub import Hub, _by_cause
 from acqd.web.settings import token_for
 from tests.storage.rows import row
 
@@ -86,16 +86,29 @@ def test_an_alarm_is_known_to_new_viewers_until_it_is_cleared():
     assert cleared is after is None
 
 
+def test_a_live_prediction_keeps_causes_that_are_complete():
+    split = {"causes": {"copper": 3}, "joints": [["copper", 1.5]]}
+    assert _by_cause(split) == {"causes": {"copper": 3.0}, "joints": [("copper", 1.5)]}
+    assert _by_cause(split | {"joints": [["tin", 1.0]]}) == _by_cause({}) == {}
+
+
 def test_joints_become_a_posture_five_times_a_second_at_most():
-    pytest.importorskip("pinocchio")
     from acqd.web.posture import Posture
 
     arm = Posture("iiwa7_r800")
-    for bad in (b"", b"{}", b'{"q": [1, 2]}', b'{"q": [0, 0, 0, 0, 0, 0, NaN]}', b'{"q": ["a", 0, 0, 0, 0, 0, 0]}'):
-        assert arm.points(bad) is None
-    upright = arm.points(b'{"q": [0, 0, 0, 0, 0, 0, 0]}')
-    assert upright[0] == [0, 0, 0] and upright[-1][2] == max(z for _, _, z in upright) > 1
-    assert Posture("").note and Posture("no_such_robot").note
+    for bad in (
+        b"",
+        b"[]",
+        b"{}",
+        b'{"q": [1, 2]}',
+        b'{"q": [0, 0, 0, 0, 0, 0, NaN]}',
+        b'{"q": ["a", 0, 0, 0, 0, 0, 0]}',
+    ):
+        assert arm.joints(bad) is None
+    assert arm.joints(b'{"time": 5, "q": [0, 0, 0, 0, 0, 0, 1.23456]}') == {"time": 5.0, "q": [0.0] * 6 + [1.2346]}
+    assert arm.joints(b'{"q": [0, 0, 0, 0, 0, 0, 0]}')["time"] > 1.7e9
+    assert len(arm.as_json()["frames"]["joints"]) == 7 and "copper" in arm.as_json()["colours"]
+    assert Posture("").joints(b'{"q": []}') is None and Posture("no_such_robot").note
 
     async def scenario():
         ours = Hub(BrokerAddress("127.0.0.1", 1), arm)

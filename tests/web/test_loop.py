@@ -62,8 +62,8 @@ def test_a_job_takes_the_logs_since_the_alarm_and_is_cancelled_with_its_process(
         with pytest.raises(UserError, match="running already"):
             job.start(engine, "", ALARM["onset_s"])
         job.run()
-        await until(lambda: job._process is not None, "a process")
-        process = job._process
+        await until(lambda: job._commands.process is not None, "a process")
+        process = job._commands.process
         await job.cancel()
         seen.extend([linked, job.state.state, process.returncode is not None])
 

@@ -78,6 +78,26 @@ WIRING = {
 }
 
 
+UNWEIGHED = ("/events", "/arm", "/three", "/files")
+"""Loaded later: the arm with a posture, three.js when the arm comes into sight, files where [web] takes them."""
+
+
+def in_three_dimensions(page, client, device):
+    """The arm in sight, with the prediction of its posture by cause."""
+    page.evaluate("document.getElementById('arm').scrollIntoView()")
+    shows(page, "#posture .hint", "arrow keys")
+    said = {
+        "time": 2.0,
+        "P_predicted": 90.0,
+        "causes": {"standby": 60.0, "copper": 30.0},
+        "joints": [["copper", 5.0]] * 7,
+    }
+    client.publish(f"acqd/{device}/prediction/live", orjson.dumps(said))
+    client.publish(f"acqd/{device}/joints", b'{"time": 2, "q": [0, 0.6, 0, -1.4, 0, 1.1, 0]}')
+    shows(page, "#posture .layers li:has-text('copper')", "30.0 W")
+    assert page.get_attribute("#posture input[type=range]", "aria-valuetext").endswith("predicted 90.0 W")
+
+
 @pytest.fixture
 def page_of_all(mosquitto, tmp_path):
     health = HealthSection(port=free_port(), sink_port=0)
@@ -89,7 +109,7 @@ def page_of_all(mosquitto, tmp_path):
     (result / "report.json").write_text(json.dumps(_RESULT))
     database = str(tmp_path / "power.sqlite")
     alarm = predict(database)
-    section = WebSection(robot="iiwa7_r800", reports=tmp_path / "loops")
+    section = WebSection(robot="iiwa7_r800", reports=tmp_path / "loops", files=True)
     broker = BrokerAddress("127.0.0.1", mosquitto.port)
     served = Served(WebSettings(broker, database, health, port=free_port(), section=section))
     yield served, alarm
@@ -104,6 +124,7 @@ def test_every_panel_shows_its_data_and_nothing_is_wrong(page_of_all, publisher)
         for page in looks(browser):
             weight = []
             page.on("response", lambda answer, weight=weight: "api" not in answer.url and weight.append(answer))
+            light = page.rules is None
             page.goto(address)
             shows(page, "#log-table", "run-1.csv")
             sent = send(publisher, 7, 123.4)
@@ -118,7 +139,8 @@ def test_every_panel_shows_its_data_and_nothing_is_wrong(page_of_all, publisher)
             shows(page, "#wave-figures", "230.0 V")
             shows(page, "#alarm", "The residual has changed since 2025-10-09")
             shows(page, "#course-note", "residual from 20.0 to 20.0 W")
-            shows(page, "#posture-note", "iiwa7_r800")
+            shows(page, "#posture-note", "iiwa7_r800: the flange is 0.59, 0.00, 0.44 m from the base")
+            assert not page.evaluate("'THREE' in window")  # it is loaded when the arm comes into sight
             shows(page, "#report", "A missing effect was found.")
             shows(page, "#report", "mass 2.04 kg (1.9 to 2.2); confidence 97 %")
             shows(page, "#slow", "200 µs to 500 µs")
@@ -132,11 +154,14 @@ def test_every_panel_shows_its_data_and_nothing_is_wrong(page_of_all, publisher)
             shows(page, "#boxes tr:has-text('cell1')", "late 9, gap 3")
             shows(page, "#cycles h3", "MAIN_FAST of cell1")
             assert page.is_hidden("#loop-controls")
+            shows(page, "#files-section", "drop them on the page")
             page.focus("#hold")
             page.keyboard.press("Enter")
             assert page.get_attribute("#hold", "aria-pressed") == "true"
+            if light:
+                in_three_dimensions(page, publisher, sent.device)
             assert serious_findings(page) == [] and page.errors == []
-            bodies = [answer.body() for answer in weight if "/events" not in answer.url]
+            bodies = [answer.body() for answer in weight if not any(part in answer.url for part in UNWEIGHED)]
             assert 50_000 < sum(map(len, bodies)) < _WEIGHT_BYTES
             page.goto(f"{address}report")
             page.wait_for_function("document.title == 'shown'")

@@ -2,10 +2,10 @@
 
     python -m tools.docs.pictures TRIAL [--live PORT] [--out docs/pictures]
 
-TRIAL is the folder of an `acqd try`: its page and its closing report become `try.png` and `closing-report.png`, the
-report of its dataset `dataset.png`, the list of `acqd reports` `reports.png`, and pages that are there of `acqd next`,
-`acqd energy causes` and `acqd robot check` their own. --live takes `live-page.png` from an `acqd web` on this port. All
-of these data are simulated, and every page says so in the picture.
+TRIAL is the folder of an `acqd try`: its page becomes `try.png`, its closing report `closing-report.png` and `arm.png`,
+the report of its dataset `dataset.png`, the list of `acqd reports` `reports.png`, and pages that are there of `acqd
+next`, `acqd energy causes` and `acqd robot check` their own. --live takes `live-page.png` from an `acqd web` on this
+port. All of these data are simulated, and every page says so in the picture.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from acqd.errors import UserError
 
 PICTURES = Path(__file__).parents[2] / "docs" / "pictures"
 _PROGRAMS = ("chromium", "chromium-browser", "google-chrome")
-_WIDTH, _COLOURS = 1000, 96
+_WIDTH, _COLOURS = 1000, 192
 _SETTLE_MS = 1500
 """A live page shows rows by then."""
 _LIVE_MS = 45_000
@@ -36,6 +36,8 @@ class View:
     height: int
     """Pixels from the top."""
     wait_ms: int = _SETTLE_MS
+    at: str = ""
+    """Selector of what is shown; "" for the top of the page."""
 
 
 def views(trial: Path, live: int | None) -> list[View]:
@@ -52,6 +54,8 @@ def views(trial: Path, live: int | None) -> list[View]:
         ("robot-check", trial / "robot.html", 860),
     )
     found = [View(name, path.resolve().as_uri(), height) for name, path, height in files if path.exists()]
+    if (loop / "report.html").exists():
+        found.append(View("arm", (loop / "report.html").resolve().as_uri(), 1160, 4 * _SETTLE_MS, ".moving"))
     if live is not None:
         found.append(View("live-page", f"http://127.0.0.1:{live}/", 900, _LIVE_MS))
     return found
@@ -72,10 +76,14 @@ def take(shown: list[View], out: Path) -> list[Path]:
     out.mkdir(parents=True, exist_ok=True)
     written = []
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=program, args=["--no-sandbox"])
+        browser = playwright.chromium.launch(
+            executable_path=program, args=["--no-sandbox", "--enable-unsafe-swiftshader"]
+        )
         for view in shown:
             page = browser.new_page(viewport={"width": _WIDTH, "height": view.height}, color_scheme="light")
             page.goto(view.address)
+            if view.at:
+                page.evaluate("(at) => document.querySelector(at).scrollIntoView()", view.at)
             page.wait_for_timeout(view.wait_ms)
             image = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
             picture = out / f"{view.name}.png"

@@ -12,6 +12,7 @@ from acqd.discrepancy.config import CloseConfig
 from acqd.discrepancy.repair.correction import Correction
 from acqd.discrepancy.repair.terms import Reported
 from acqd.discrepancy.report import causes, charts, figures
+from acqd.discrepancy.report.arm import arm_view
 from acqd.discrepancy.report.summary import VERDICTS, remaining
 from acqd.discrepancy.report.tile import tile
 from acqd.discrepancy.selection.accepted import Hypothesis, Selected
@@ -47,6 +48,8 @@ def write_report(path: Path, config: CloseConfig, closed: Closed) -> None:
         chart, f"Where {chosen}, a minute at most: held-out recording {recording}. Error: measured minus predicted."
     )
     _causes(page, closed)
+    page.heading("The arm, its power and the residual")
+    page.arm(arm_view(closed))
     _errors(page, closed)
     for number_, effect in enumerate(closed.named):
         _effect(page, closed, effect, number_)

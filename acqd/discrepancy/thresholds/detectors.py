@@ -22,6 +22,3 @@ class DetectorThresholds:
     rhythm_shortest_s: float = threshold(
         12.0, "s", "detectors", "physics", "no heater or fan switches with a shorter period"
     )
-    rhythm_near_best: float = threshold(
-        0.85, "-", "detectors", "study", "the shortest period with this share of the best regularity is the period"
-    )

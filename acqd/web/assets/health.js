@@ -84,7 +84,12 @@
 
   async function health() {
     try {
-      const { services, runbook } = await (await fetch("/api/health")).json();
+      const { services, runbook, page } = await (await fetch("/api/health")).json();
+      if (page.files && !view.files) {
+        view.files = true;
+        style("files.css");
+        await script("files.js");
+      }
       const body = $("services").tBodies[0];
       while (body.rows.length > services.length) body.deleteRow(-1);
       services.forEach((service, k) => {

@@ -59,31 +59,27 @@
     put($("course-note"), `residual from ${least.toFixed(1)} to ${most.toFixed(1)} W${course.rows_per_point > 1 ? `, means of ${course.rows_per_point} rows` : ""}`);
   }
 
-  function posture(points) {
-    const svg = $("posture").firstElementChild, reach = Math.max(0.5, ...points.flat().map(Math.abs)), scale = 130 / reach;
-    const views = [["from the side", ([x, , z]) => [160 + scale * x, 230 - scale * z], 230], ["from above", ([x, y]) => [480 + scale * x, 160 - scale * y], 160]];
-    svg.innerHTML = views.map(([name, at, floor], k) => {
-      const places = points.map(at).map(([a, b]) => [a.toFixed(1), b.toFixed(1)]);
-      return `<text x="${k * 320 + 12}" y="24">${name}</text>${k ? "" : `<path d="M20 ${floor}h280"/>`}<polyline points="${places.join(" ")}"/>${places.map(([a, b]) => `<circle cx="${a}" cy="${b}" r="4"/>`).join("")}`;
-    }).join("");
-    $("arm-section").hidden = false;
-    put($("posture-note"), `${shown.robot ? `${shown.robot}: the` : "The"} flange is ${points.at(-1).map((x) => x.toFixed(2)).join(", ")} m from the base (x, y, z).`);
+  // the scripts of the arm are loaded with the first posture, and three.js when the arm comes into sight
+  async function arm() {
+    style("arm.css");
+    for (const name of ["arm.js", "arm_live.js"]) await script(name);
+    await armLive.begin(script);
+    shown.arm = armLive;
+    Object.values(shown.postures).forEach(armLive.take);
   }
 
   async function look() {
     try {
       const answer = await fetch("/api/predictions");
       if (!answer.ok) return;
-      const { logs, posture: arm } = await answer.json();
-      shown.robot = arm.robot;
+      const { logs, note } = await answer.json();
       if (logs.length) {
         $("model-section").hidden = false;
         list(logs);
       }
-      if (arm.robot && arm.note) {
+      if (note) {
         $("arm-section").hidden = false;
-        $("posture").firstElementChild.setAttribute("hidden", "");
-        put($("posture-note"), arm.note);
+        put($("posture-note"), note);
       }
     } catch { /* asked again soon */ }
   }
@@ -95,16 +91,12 @@
     if (!view.device || device === view.device) alarm(of);
   });
   events.addEventListener("posture", (event) => {
-    const { device, points } = JSON.parse(event.data);
-    shown.postures[device] = points;
-    if (!view.device || device === view.device) posture(points);
+    const posture = JSON.parse(event.data);
+    shown.postures[posture.device] = posture;
+    shown.loading ??= arm();
+    shown.arm?.take(posture);
   });
-  onDevice.push(() => {
-    alarm(shown.alarms[view.device]);
-    const points = shown.postures[view.device];
-    if (points) posture(points);
-    else if (Object.keys(shown.postures).length) $("arm-section").hidden = true;
-  });
+  onDevice.push(() => alarm(shown.alarms[view.device]));
   addEventListener("resize", draw);
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
   setInterval(() => document.visibilityState === "visible" && look(), LOOK_MS);

@@ -2,28 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import expit, gammaincc, gammaln, logsumexp
 
 from acqd.arrays import Floats
-from acqd.discrepancy.thresholds import THRESHOLDS
+from acqd.discrepancy.loads.paths import lasting
 
-_SHORTEST_PERIOD_S, _LONGEST_PERIOD_S = 2.0, 900.0
-_FEWEST_CYCLES = 3
-"""A rhythm must be seen three times."""
-_GRID_S = 0.5
-_PERIODS = 600
-_DRAWS = 60
-"""Loads of either kind that a load is compared with."""
+_MEANS_S = np.geomspace(1.0, 900.0, 140)
+"""Mean lengths of a state that are compared, equally likely beforehand."""
 _REGULAR, _IRREGULAR = (0.03, 0.1, 0.15), (0.3, 0.6, 1.0)
 """Standard deviations of dwell times over their mean: of thermostats, and of equipment in use."""
+_STRAY = 0.05
+"""Share of dwell times that are of any length: the residual hides some switchings."""
+_GLITCHES_S = (0.0, 1.0, 2.0, 4.0, 8.0)
+"""Longest states that noise makes, equally likely beforehand; 0: noise makes none."""
+_BETWEEN_S = 60.0
+"""Expected time between such states, before any was seen."""
 
 States = list[NDArray[np.bool_]]
-
-_FEWEST_PAIRS = 100
-"""Pairs of states for a correlation at a distance in time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +33,7 @@ class Rhythm:
     """How regular a load switches."""
 
     period_s: float
-    """The likeliest period; 0 where nothing repeats."""
+    """The likeliest period of a thermostat."""
     probability: float
     """That the load has a rhythm, if both kinds are equally likely beforehand."""
 
@@ -41,98 +43,100 @@ class Rhythm:
         return 2 * self.probability > 1
 
 
+@dataclass(frozen=True, slots=True)
+class _Dwell:
+    """A stay in a state, as far as it was seen."""
+
+    on: bool
+    seen_s: float
+    hidden_s: float = 0.0
+    """Of pauses of the recordings in which the stay began or ended: it lasted longer, by as much at most."""
+    begun: bool = True
+    """Whether its begin was seen."""
+    ended: bool = True
+    """Whether its end was seen, or lies in a pause."""
+
+
 def rhythm(on: States, t: list[Floats]) -> Rhythm:
     """Of states `on` [T] at the times `t` [T] in s per segment.
 
-    Regular states correlate positively a period apart and as much negatively half a period apart. How large that
-    correlation is depends on the duty cycle, and on the cycles that were seen: the same search in simulated loads with
-    the same mean dwell times says how often a thermostat is no more regular than this load, and how often equipment in
-    use is no less (surrogate data, Theiler et al. 1992). The odds are the ratio of both.
+    Both kinds are alternating renewal processes with gamma distributed dwell times (Cox 1962): those of a thermostat
+    scatter little about the means of its two states, those of equipment much. The odds are the ratio of the
+    likelihoods, averaged over means, scatters, and the longest state that is only noise. Stays that the ends of
+    recordings cut count as far as they were seen.
     """
-    grid = _Grid.of(t)
-    period_s, regularity = grid.most_regular(grid.states(on))
-    means_s = _mean_dwell_s(on, t)
-    random = np.random.default_rng(1)
-    as_thermostat, as_equipment = (
-        np.array(
-            [grid.most_regular(grid.drawn(means_s, scatters[k % len(scatters)], random))[1] for k in range(_DRAWS)]
-        )
-        for scatters in (_REGULAR, _IRREGULAR)
-    )
-    thermostat, equipment = 1 + (as_thermostat <= regularity).sum(), 1 + (as_equipment >= regularity).sum()
-    return Rhythm(period_s, float(thermostat / (thermostat + equipment)))
+    seconds, step_s = sum(float(each[-1] - each[0]) for each in t), float(np.median(np.diff(t[0])))
+    thermostat, equipment = list[_Fit](), list[_Fit]()
+    for longest_s in _GLITCHES_S:
+        clean = [lasting(each, round(longest_s / step_s)) for each in on]
+        count = (_switchings(on) - _switchings(clean)) / 2
+        noise = float(gammaln(count + 1) - count * np.log((seconds + _BETWEEN_S) * max(longest_s, step_s)))  # Poisson
+        dwells = list(_dwells(clean, t))
+        thermostat += [_fit(dwells, scatter, noise) for scatter in _REGULAR]
+        equipment += [_fit(dwells, scatter, noise) for scatter in _IRREGULAR]
+    odds = logsumexp([each.likelihood for each in thermostat]) - logsumexp([each.likelihood for each in equipment])
+    return Rhythm(max(thermostat).period_s, float(expit(odds)))
 
 
-@dataclass(frozen=True, slots=True)
-class _Grid:
-    """Time in steps of 0.5 s. No phase lasts over a long gap between segments: such gaps are shortened."""
+class _Fit(NamedTuple):
+    """Of a kind with one scatter."""
 
-    places: list[NDArray[np.int_]]
-    """[T] per segment."""
-    known: Floats
-    """[size] 1 where a segment has rows."""
-    pairs: Floats
-    """[size] number of pairs of known steps at every distance."""
-    periods: Floats
-    """That are compared, s."""
-
-    @classmethod
-    def of(cls, t: list[Floats]) -> _Grid:
-        """From the times [T] in s of the segments."""
-        places: list[NDArray[np.int_]] = [np.zeros(0, dtype=int)] * len(t)
-        first, end_s = 0, float(min(each[0] for each in t))
-        for k in sorted(range(len(t)), key=lambda k: float(t[k][0])):
-            first += round(min(float(t[k][0]) - end_s, _LONGEST_PERIOD_S) / _GRID_S)
-            places[k] = first + ((t[k] - t[k][0]) / _GRID_S).astype(int)
-            first, end_s = int(places[k][-1]), float(t[k][-1])
-        size = max(int(each[-1]) for each in places) + 1
-        known = np.zeros(size)
-        known[np.concatenate(places)] = 1.0
-        observed_s = sum(float(each[-1] - each[0]) for each in t)
-        longest = min(_LONGEST_PERIOD_S, size * _GRID_S / 2, observed_s / _FEWEST_CYCLES)
-        periods = np.geomspace(_SHORTEST_PERIOD_S, max(longest, 2 * _SHORTEST_PERIOD_S), _PERIODS)
-        return cls(places, known, _correlation(known), periods[np.rint(periods / _GRID_S) < size])
-
-    def states(self, on: States) -> NDArray[np.bool_]:
-        """[size] states `on` [T] per segment, False where nothing is known."""
-        states = np.zeros(len(self.known), dtype=bool)
-        for place, each in zip(self.places, on, strict=True):
-            states[place] = each
-        return states
-
-    def drawn(self, means_s: tuple[float, float], scatter: float, random: np.random.Generator) -> NDArray[np.bool_]:
-        """[size] states with dwell times from a gamma distribution, from a random moment on."""
-        shape = scatter**-2.0
-        cycles = int(len(self.known) * _GRID_S / sum(means_s) * (1 + scatter)) + 4
-        ends = np.cumsum(random.gamma(shape, np.tile(means_s, cycles) / shape))
-        states = np.searchsorted(ends, random.uniform(0, sum(means_s)) + np.arange(len(self.known)) * _GRID_S) % 2 == 1
-        return np.asarray(states & (self.known > 0))
-
-    def most_regular(self, on: NDArray[np.bool_]) -> tuple[float, float]:
-        """Shortest period in s with nearly the largest regularity of states [size], and that regularity (0 to 1)."""
-        mean = float(on.sum() / self.known.sum())
-        if not 0 < mean < 1:
-            return 0.0, 0.0
-        products = _correlation((on - mean) * self.known)
-        correlation = np.where(self.pairs > _FEWEST_PAIRS, products / np.maximum(self.pairs, 1), 0.0)
-        correlation /= mean * (1 - mean)
-        floor = min(mean, 1 - mean) / max(mean, 1 - mean)  # a square wave has no less than -d / (1 - d)
-        whole, half = (np.rint(self.periods / _GRID_S / part).astype(int) for part in (1, 2))
-        regular = np.minimum(correlation[whole], -correlation[half] / floor)
-        most = max(float(regular.max(initial=0.0)), 0.0)
-        first = int(np.argmax(regular >= THRESHOLDS.rhythm_near_best * most))
-        return (float(self.periods[first]), float(regular[first])) if most > 0 else (0.0, 0.0)
+    likelihood: float
+    """Its logarithm."""
+    period_s: float
+    """The likeliest."""
 
 
-def _correlation(values: Floats) -> Floats:
-    """[size] sum of products of values [size] at every distance."""
-    length = 2 ** int(np.ceil(np.log2(2 * len(values))))
-    return np.asarray(np.fft.irfft(np.abs(np.fft.rfft(values, length)) ** 2)[: len(values)])
+def _fit(dwells: list[_Dwell], scatter: float, noise: float) -> _Fit:
+    by_mean = _log_likelihoods(dwells, scatter)
+    return _Fit(float(logsumexp(by_mean, axis=1).sum()) + noise, float(_MEANS_S[by_mean.argmax(axis=1)].sum()))
 
 
-def _mean_dwell_s(on: States, t: list[Floats]) -> tuple[float, float]:
-    """Mean length of the states off and on, s; states at the ends count as half a state."""
-    step_s = float(np.median(np.concatenate([np.diff(each) for each in t])))
-    rows = [sum(int((states == value).sum()) for states in on) for value in (False, True)]
-    starts = sum(0.5 * (1 + int(np.abs(np.diff(states.astype(int))).sum())) for states in on)
-    return step_s * rows[0] / max(starts, 1.0), step_s * rows[1] / max(starts, 1.0)
+def _switchings(on: States) -> int:
+    return sum(int(np.abs(np.diff(each.astype(int))).sum()) for each in on)
+
+
+def _dwells(on: States, t: list[Floats]) -> Iterator[_Dwell]:
+    """Stays in order of time. A pause that is longer than what is seen of the stays at both its ends cuts them."""
+    runs = [run for k in sorted(range(len(t)), key=lambda k: float(t[k][0])) for run in _runs(on[k], t[k])]
+    begun, hidden_s, first = False, 0.0, 0
+    for number, ((state, _, end_s), (next_state, start_s, next_end_s)) in enumerate(pairwise(runs)):
+        pause_s, seen_s = start_s - end_s, end_s - runs[first][1]
+        cut = pause_s > seen_s + next_end_s - start_s
+        if state == next_state and not cut:
+            continue
+        yield _Dwell(state, seen_s, hidden_s + (0.0 if cut else pause_s), begun, not cut)
+        begun, hidden_s, first = not cut, 0.0 if cut else pause_s, number + 1
+    yield _Dwell(runs[-1][0], runs[-1][2] - runs[first][1], 0.0, begun, ended=False)
+
+
+def _runs(on: NDArray[np.bool_], t: Floats) -> Iterator[tuple[bool, float, float]]:
+    """State, begin and end [s] of every run of equal states of a segment."""
+    ends_s = [*t.tolist(), float(t[-1] + np.median(np.diff(t)))]
+    edges = [0, *(np.flatnonzero(np.diff(on.astype(int))) + 1).tolist(), len(on)]
+    for first, last in pairwise(edges):
+        yield bool(on[first]), ends_s[first], ends_s[last]
+
+
+def _log_likelihoods(dwells: list[_Dwell], scatter: float) -> Floats:
+    """[2, means] log-likelihood of the stays off, and of those on, by their mean length."""
+    total = np.zeros((2, len(_MEANS_S)))
+    for dwell in dwells:
+        regular, stray = _likelihood(dwell, scatter**-2.0), _likelihood(dwell, 1.0)
+        total[int(dwell.on)] += np.log(np.maximum((1 - _STRAY) * regular + _STRAY * stray, 1e-300))
+    return total
+
+
+def _likelihood(dwell: _Dwell, shape: float) -> Floats:
+    """[means] likelihood of a stay of a gamma distribution with so many degrees of freedom, by its mean."""
+    x = dwell.seen_s * shape / _MEANS_S
+    lasts = gammaincc(shape, x)
+    if not dwell.begun and not dwell.ended:  # of a state in equilibrium: E max(D - seen, 0) / E D
+        return np.asarray(gammaincc(shape + 1, x) - x / shape * lasts)
+    if not dwell.begun:
+        return np.asarray(lasts / _MEANS_S)
+    if not dwell.ended:
+        return np.asarray(lasts)
+    if dwell.hidden_s > 0:
+        return np.asarray(lasts - gammaincc(shape, x + dwell.hidden_s * shape / _MEANS_S)) / dwell.hidden_s
+    return np.asarray(np.exp(shape * np.log(x) - x - gammaln(shape)) / dwell.seen_s)

@@ -40,7 +40,7 @@ def test_probabilities_of_a_rhythm_are_right_as_often_as_they_say_in_short_recor
             said.append(rhythm(np.split(drawn(together, seed), 5), t).probability)
             regular.append(drawn is _thermostat)
     said, regular = np.array(said), np.array(regular)
-    assert np.mean((said > 0.5) == regular) > 0.8
+    assert np.mean((said > 0.5) == regular) > 0.85
     sure = np.abs(said - 0.5) > 0.4
     assert sure.mean() > 0.5 and np.mean((said > 0.5)[sure] == regular[sure]) > 0.9
 
@@ -53,3 +53,23 @@ def test_days_between_two_sessions_change_nothing(days):
     moved = [each + days * DAY_S for each in later]
     apart, together = rhythm(on, [*first, *moved]), rhythm(on, [*first, *later])
     assert apart.period_s == pytest.approx(together.period_s) and min(apart.probability, together.probability) > 0.95
+
+
+def _states(t, switchings):
+    return [np.searchsorted(switchings, each, side="right") % 2 == 1 for each in t]
+
+
+T = [72.0 * k + STEP * np.arange(1500) for k in range(3)]
+
+
+def test_two_exact_cycles_are_a_rhythm_and_noise_does_not_hide_it():
+    on = _states(T, [0.0, 26.4, 78.8, 109.7, 161.8, 192.2])
+    assert rhythm(on, T).period_s == pytest.approx(83, rel=0.03) and rhythm(on, T).probability > 0.95
+    on[1][1000:1030] ^= True
+    on[2][300:350] ^= True
+    assert rhythm(on, T).probability > 0.9
+
+
+def test_uneven_stays_are_no_rhythm_and_a_single_cycle_says_nothing():
+    assert rhythm(_states(T, [5.0, 30.0, 46.0, 94.0, 108.0, 120.0, 155.0, 190.0, 200.0]), T).probability < 0.2
+    assert 0.2 < rhythm(_states(T, [40.0, 120.0]), T).probability < 0.8
