@@ -17,7 +17,7 @@ from acqd.robot.table import Table
 _CHUNK, _LARGEST_CHUNK = 0x06, 512 << 20
 _MOST_MESSAGES = 20_000_000
 """Joint states of eleven hours at 500 Hz take 20 GB as objects."""
-SUFFIXES = (".mcap", ".db3", ".bag", ".active")
+SUFFIXES = (".mcap", ".db3", ".bag")
 _OPEN = ".bag.active"
 _TYPE = "sensor_msgs/msg/JointState"
 _STAMPED = 0.5
@@ -29,7 +29,9 @@ _NAMED = 5
 
 def is_bag(path: Path) -> bool:
     """Whether a path is a bag: a file of that kind, or a folder with the metadata of a ROS 2 bag."""
-    return path.suffix in SUFFIXES or (path.is_dir() and (path / "metadata.yaml").is_file())
+    return (
+        path.suffix in SUFFIXES or path.name.endswith(_OPEN) or (path.is_dir() and (path / "metadata.yaml").is_file())
+    )
 
 
 def read_bag(path: Path, robot: RobotDescription) -> Table:

@@ -64,7 +64,8 @@ def test_rows_of_a_packet_do_not_make_the_motion_swing(tmp_path):
     robot = load_description("ur10e")
     t = 0.01 * np.arange(2000)
     rest = np.abs(t - 10) > 5
-    q = np.where(rest, 0.0, 0.3 * (1 + np.cos(np.pi * (t - 10) / 5)))[:, None] + np.random.default_rng(0).normal(0, 1e-5, (2000, 6))
+    moved = np.where(rest, 0.0, 0.3 * (1 + np.cos(np.pi * (t - 10) / 5)))
+    q = moved[:, None] + np.random.default_rng(0).normal(0, 1e-5, (2000, 6))
     packets = np.where(rest, t[np.arange(2000) // 10 * 10 + 9] + 1e-4 * (np.arange(2000) % 10), t)
     columns = regressors_of(RobotLog(tmp_path / "log.csv", packets, q), robot).columns
     even = regressors_of(RobotLog(tmp_path / "log.csv", t, q), robot).columns
