@@ -193,6 +193,33 @@ def share_of(
     return _Fit(robot, samples, scale).mean_explained(order or tuple(range(robot.axes)))
 
 
+def shares_of(robot: RobotDescription, samples: Sequence[OrderSample]) -> Floats:
+    """[axes] share of the variance of the torques of each axis that the order as logged explains."""
+    return _Fit(robot, samples, _TORQUE_SCALE).shares(tuple(range(robot.axes)))
+
+
+@dataclass(frozen=True, slots=True)
+class Better:
+    """How another robot explains the witnesses, compared with the one that is given."""
+
+    gain: float
+    """Nats a row."""
+    clearly: bool
+    slope: float
+    """Logged over computed torque of the given robot, all axes together."""
+    slope_of_other: float
+
+
+def explains_better(robot: RobotDescription, other: RobotDescription, samples: Sequence[OrderSample]) -> Better | None:
+    """Whether `other` explains torques better than `robot`; None where the samples are too short."""
+    logged = tuple(range(robot.axes))
+    own, its = (_Fit(each, samples, _GUESSED_SCALE) for each in (robot, other))
+    if own.blocks < _FEWEST_BLOCKS:
+        return None
+    gain, errors = own.gain_of(its, logged)
+    return Better(gain, gain > _GAIN_BY_POWER and errors > _CLEARLY, own.slope(), its.slope())
+
+
 def pieces(q: Floats, seen: Floats, known: NDArray[np.bool_], step_s: float) -> Iterator[OrderSample]:
     """The runs of known rows [T] of angles [T, axes] and witnesses that are long enough."""
     for start, end in runs_of_true(known):
@@ -240,18 +267,30 @@ class _Fit:
 
     def explained(self, order: Order) -> float:
         """Share of the variance of the witnesses that this order explains, in the median over them."""
-        return float(np.median(self._shares(order)))
+        return float(np.median(self.shares(order)))
 
     def mean_explained(self, order: Order) -> float:
         """The same in the mean: one or two axes that are not explained count."""
-        return float(np.mean(self._shares(order)))
+        return float(np.mean(self.shares(order)))
 
-    def _shares(self, order: Order) -> Floats:
+    def shares(self, order: Order) -> Floats:
+        """The same of each witness."""
         if not self.blocks:
             return np.ones(1)
         left = self._left(order)
         seen = self._seen if self._seen.ndim == 2 else self._seen[:, None]
         return np.asarray(1 - (left**2).mean(axis=0) / (seen.var(axis=0)[self._columns(order)] + 1e-12))
+
+    def slope(self) -> float:
+        """Logged over computed torque of all axes together, beside friction, rotor and an offset of each."""
+        tau = inverse_dynamics(self._robot, self._q, self._qd, self._qdd)
+        product = square = 0.0
+        for axis, (qd, qdd) in enumerate(zip(self._qd.T, self._qdd.T, strict=True)):
+            others, _ = np.linalg.qr(np.column_stack([np.tanh(qd / _SIGN_SPEED), qd, qdd, np.ones(len(qd))]))
+            own = tau[:, axis] - others @ (others.T @ tau[:, axis])
+            product += float(own @ self._seen[:, axis])
+            square += float(own @ own)
+        return product / max(square, 1e-12)
 
     def _columns(self, order: Order) -> list[int]:
         """Columns of the witnesses in the order of the residuals."""

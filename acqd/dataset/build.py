@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from acqd.dataset.column_check import check_columns, check_each, judge_logs, judge_recordings, to_check
+from acqd.dataset.column_check import check_columns, check_each, doubt_robot, judge_logs, judge_recordings, to_check
 from acqd.dataset.config import BuildConfig, BuildReport
 from acqd.dataset.cut import AUTO, automatic_length, cut, cut_at_rests
 from acqd.dataset.growing import Existing, existing
@@ -66,7 +66,7 @@ def build(config: BuildConfig, progress: _Progress) -> BuildReport:
     if to_check(logs.kept, robot):
         logs.keep(lambda log: check_columns(log, robot), lambda _: None)
     by_torque = judge_logs(logs.kept, robot)
-    logs.notes += uncommon_columns(logs.kept)
+    logs.notes += doubt_robot(logs.kept, robot) + uncommon_columns(logs.kept)
     _cut(logs, config, robot, before)
     if stream is None:
         powers = logs.keep(log_power, lambda share: progress("reading power", share))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TypeAlias
@@ -10,8 +9,9 @@ from typing import TypeAlias
 import numpy as np
 
 from acqd.arrays import Floats
-from acqd.dataset.axis_order import OrderJudgement, OrderSample, judge_order, judge_zeros, pieces, share_of
+from acqd.dataset.axis_order import OrderJudgement, OrderSample, judge_order, judge_zeros, pieces, share_of, shares_of
 from acqd.dataset.merge import Recording
+from acqd.dataset.other_robot import other_robot
 from acqd.dataset.regressors import best_torque
 from acqd.errors import InputError, UserError
 from acqd.robot.description import RobotDescription
@@ -22,9 +22,8 @@ Sample: TypeAlias = tuple[str, Floats, Floats]
 
 _LOGS_CHECKED = 6
 _MIN_DEVIATION_NM = 2.0  # standard deviation; joints with less are not compared
-_MIN_CORRELATION = 0.6  # of logged with computed torque, median over the joints
-_CLEARLY = 0.2
-"""Median correlation that an exchange must gain: two joints that move alike gain 0.17 in a real log of a Gen3."""
+_LEAST_EXPLAINED = 0.36
+"""Share of the variance of logged torques that masses, friction and rotors explain, in the median over the joints."""
 _THINNED = 3
 """Every third row is compared: neighbours tell the same."""
 _STEP_S = 0.04
@@ -45,6 +44,14 @@ def judge_logs(logs: list[RobotLog], robot: RobotDescription) -> OrderJudgement 
     samples = [sample for log in some if (sample := _sample(log, robot)) is not None]
     many = f"{logs[0].path.parent}: in its {len(logs)} logs" if len(logs) > 1 else f"{logs[0].path}"
     return _judged(robot, samples, many)
+
+
+def doubt_robot(logs: list[RobotLog], robot: RobotDescription) -> list[str]:
+    """A line if torques or currents of some logs are those of another shipped robot."""
+    some = [log for log in logs[:: -(-len(logs) // _LOGS_CHECKED)] if len(log.time) > 1]
+    samples = [sample for log in some if (sample := _sample(log, robot)) is not None]
+    long = [piece for _, q, seen in samples for piece in pieces(q, seen, np.ones(len(q), bool), _STEP_S)]
+    return [line] if long and (line := other_robot(robot, long)) else []
 
 
 def check_each(logs: list[RobotLog], robot: RobotDescription) -> dict[Path, str]:
@@ -108,7 +115,9 @@ def judge_recordings(
     doubts = [f"angles and power hardly fit as logged: {zero.text(robot)}"] if zero is not None else []
     judged = judge_order(robot, long)
     if judged.better is not None and (by_torque is None or judged.better in by_torque.unsure):
-        raise UserError(f"angles and power of {len(recordings)} recordings do not fit as logged: {judged.text(robot)}")
+        by_zero = zero is not None and zero.share > share_of(robot, long, judged.better)
+        text = zero.text(robot) if zero is not None and by_zero else judged.text(robot)
+        raise UserError(f"angles and power of {len(recordings)} recordings do not fit as logged: {text}")
     judged = judged if by_torque is None else by_torque.together(judged)
     witness = "by their power" if by_torque is None else "by their torques, currents and power"
     return doubts + ([note] if (note := judged.note(robot, witness)) else [])
@@ -182,11 +191,7 @@ def to_check(logs: list[RobotLog], robot: RobotDescription) -> list[RobotLog]:
 
 
 def check_columns(log: RobotLog, robot: RobotDescription) -> None:
-    """Raises InputError when logged torques contradict the logged angles.
-
-    Currents stand in for torques that were not logged. Friction bends them, so that they contradict the angles only if
-    they agree with them in another order of the axes.
-    """
+    """Raises InputError when logged torques contradict the logged angles."""
     sample = _sample(log, robot)
     contradiction = _contradiction(sample, robot) if sample is not None else ""
     if contradiction:
@@ -194,29 +199,29 @@ def check_columns(log: RobotLog, robot: RobotDescription) -> None:
 
 
 def _contradiction(sample: Sample, robot: RobotDescription) -> str:
-    """How the torques or currents contradict the angles; empty if they do not."""
+    """How torques contradict the angles; empty if they do not.
+
+    Torques behind the gears follow the described masses; those of the motors have friction and rotors in them, which
+    may be all that a log of one moving joint shows. Currents have guessed gains: all logs together judge them.
+    """
     name, q, logged = sample
-    agreement = _agreement(robot, q, logged)
-    if len(agreement) < 2 or np.median(list(agreement.values())) >= _MIN_CORRELATION:
+    long = list(pieces(q, logged, np.ones(len(q), bool), _STEP_S))
+    if name != "torques" or not long:
         return ""
-    exchanged = _exchanged(robot, q, logged, float(np.median(list(agreement.values()))) + _CLEARLY)
-    if name == "currents" and not exchanged:
-        return ""
-    worst = min(agreement, key=lambda axis: agreement[axis])
-    return (
-        f"the {name} do not belong to the angles (worst joint {robot.joint[worst].name}, correlation "
-        f"{agreement[worst]:.2f}{exchanged}): are the columns in the order of {robot.name}'s axes?"
-    )
-
-
-def _agreement(robot: RobotDescription, q: Floats, logged: Floats) -> dict[int, float]:
-    """Correlation of logged with computed torque of the axes that move."""
     qd = np.gradient(q, _STEP_S, axis=0)
-    some = slice(None, None, _THINNED)
-    computed = inverse_dynamics(robot, q[some], qd[some], np.gradient(qd, _STEP_S, axis=0)[some])
-    logged = logged[some]
-    moving = np.flatnonzero((logged.std(axis=0) > _MIN_DEVIATION_NM) & (computed.std(axis=0) > _MIN_DEVIATION_NM))
-    return {k: abs(float(np.corrcoef(logged[:, k], computed[:, k])[0, 1])) for k in moving.tolist()}
+    needed = inverse_dynamics(robot, q, qd, np.gradient(qd, _STEP_S, axis=0))
+    moving = np.flatnonzero((logged.std(axis=0) > _MIN_DEVIATION_NM) & (needed.std(axis=0) > _MIN_DEVIATION_NM))
+    if len(moving) < 2:
+        return ""
+    explained = dict(zip(moving.tolist(), shares_of(robot, long)[moving].tolist(), strict=True))
+    if np.median(list(explained.values())) >= _LEAST_EXPLAINED:
+        return ""
+    worst = min(explained, key=lambda axis: explained[axis])
+    return (
+        f"the torques do not belong to the angles (worst joint {robot.joint[worst].name}, of which masses, "
+        f"friction and rotor explain {max(explained[worst], 0.0):.0%}): are the columns in the order of {robot.name}'s "
+        "axes, and of this recording?"
+    )
 
 
 def _sample(log: RobotLog, robot: RobotDescription) -> Sample | None:
@@ -248,17 +253,6 @@ def _sample_of_recording(recording: Recording, robot: RobotDescription) -> Sampl
 def _sampled(name: str, time: Floats, q: Floats, seen: Floats) -> Sample:
     grid = np.arange(time[0], time[-1], _STEP_S)
     return name, _on_grid(grid, time, q), _on_grid(grid, time, seen)
-
-
-def _exchanged(robot: RobotDescription, q: Floats, logged: Floats, least: float) -> str:
-    """Which two axes of the angles, exchanged, make angles and torques agree, by `least` at least; empty if none do."""
-    for one, other in itertools.combinations(range(robot.axes), 2):
-        order = np.arange(robot.axes)
-        order[[one, other]] = other, one
-        agreement = _agreement(robot, q[:, order], logged)
-        if len(agreement) > 1 and np.median(list(agreement.values())) >= max(_MIN_CORRELATION, least):
-            return f"; with {robot.joint[one].name} and {robot.joint[other].name} exchanged they do"
-    return ""
 
 
 def _torques(robot: RobotDescription, tau: Floats | None, current: Floats | None) -> tuple[str, Floats] | None:

@@ -6,12 +6,15 @@ import numpy as np
 
 from acqd.errors import InputError
 from acqd.robot.description import RobotDescription
+from acqd.robot.garbled import reach
 from acqd.robot.log import RobotLog, in_time
 
 SLOWEST_S = 0.125
 """Longest usual step between rows: angles are not interpolated over more than twice that (merge.py)."""
 _FASTEST_S = 2e-5
 """Shortest credible step: no controller is faster than 50 kHz."""
+_MANY_ROWS = 1000
+"""Rows across which the way and the time are compared: packets and single wrong rows do not matter."""
 _SPARSE = 100.0
 """Times the usual step that rows may be apart on average: a recorder that pauses leaves gaps, not seldom rows."""
 _MOVING = 0.05
@@ -39,6 +42,7 @@ def check_log(log: RobotLog, robot: RobotDescription) -> None:
             f"has a row every {step_s:.3g} s, expected one every {SLOWEST_S} s or faster: "
             "the motion between the rows is unknown; record at 25 Hz or more",
         )
+    _check_unit(log, robot)
     span_s = float(time[-1] - time[0])
     if span_s > _SPARSE * step_s * len(time):
         raise InputError(
@@ -48,6 +52,23 @@ def check_log(log: RobotLog, robot: RobotDescription) -> None:
         )
     _check_currents(log, robot)
     _check_brake(log)
+
+
+def _check_unit(log: RobotLog, robot: RobotDescription) -> None:
+    """Raises InputError where a joint covers a way of many rows faster than it can."""
+    time, rows = in_time(log)
+    apart = min(_MANY_ROWS, len(time) // 3)
+    moved = np.abs(log.q[rows][apart:] - log.q[rows][: len(time) - apart])
+    farthest = reach(time[apart:] - time[: len(time) - apart], robot)
+    if not apart or (moved <= farthest).all():
+        return
+    row, axis = np.unravel_index(int(np.argmax(moved / farthest)), moved.shape)
+    speed = moved[row, axis] / (time[row + apart] - time[row])
+    raise InputError(
+        log.path,
+        f"{robot.joint[int(axis)].name} moves {speed / robot.speed[axis]:.0f} times as fast as its limit over {apart} "
+        "rows: is its time in minutes, or in another unit than s? Write s",
+    )
 
 
 def _check_brake(log: RobotLog) -> None:

@@ -36,6 +36,8 @@ _FASTEST_NS = 1e5
 _PAUSE_S = 5.0
 """Step that is a gap, not a late row."""
 _SAMPLE = 100
+_RISES = 0.5
+"""Share of the rows in which a register of energy grows."""
 _IN_PACKETS = 0.1
 """Usual step over the mean one, below which rows may come in packets."""
 _FEWEST_PACKETS = 10
@@ -146,6 +148,9 @@ def _spool(origin: str, blocks: Iterator[PowerRows], clock: LocalClock) -> Power
     known = mapped["P"][np.isfinite(mapped["P"])]
     if len(known) < 3 or np.ptp(known) == 0.0:
         raise UserError(f"power {origin}: P is constant or missing; is this the robot's channel?")
+    changes = np.diff(known)
+    if len(known) >= _SAMPLE and (changes >= 0).all() and (changes > 0).mean() > _RISES:
+        raise InputError(origin, "P never falls: is it the register of an energy? Expected the power of each row, W")
     measured: Measured = next((label for label in _LABELS if label in flags), "mains")
     stamp_error_s += _doubt_values(origin, mapped["P"], window_ns, notes)
     return PowerStream(

@@ -16,6 +16,7 @@ from acqd.dataset.power_source import BLOCK_ROWS, PowerRows, choose
 from acqd.dataset.schema import UTC_NS
 from acqd.errors import InputError, UserError
 from acqd.parquet_size import check_size
+from acqd.robot.table import text_of
 from acqd.timestamps import Nanoseconds, parse_times
 
 _ZONE = re.compile(r"(?:Z|[+-]\d\d:?(?:\d\d)?)$", re.IGNORECASE)
@@ -61,16 +62,38 @@ def parquet_batches(path: Path) -> Iterator[pa.RecordBatch]:
 
 
 def csv_batches(path: Path) -> Iterator[pa.RecordBatch]:
-    """Batches of a CSV file; with semicolons, its numbers have decimal commas or points. Raises InputError."""
-    with path.open("rb") as file:
+    """Batches of a CSV file; with semicolons, its numbers have decimal commas or points. Raises InputError.
+
+    A last line that is cut off, as that of a recorder which was stopped hard, is no row.
+    """
+    broken: list[pyarrow.csv.InvalidRow] = []
+
+    def leave_out(row: pyarrow.csv.InvalidRow) -> str:
+        broken.append(row)
+        return "skip"
+
+    with path.open("rb") as raw:
+        file = text_of(path, raw)
         head = file.readline()
-    semicolons = b";" in head and b"," not in head
-    parse = pyarrow.csv.ParseOptions(delimiter=";" if semicolons else ",")
-    convert = pyarrow.csv.ConvertOptions(decimal_point="," if semicolons else ".")
-    try:
-        yield from pyarrow.csv.open_csv(path, parse_options=parse, convert_options=convert)
-    except pa.ArrowInvalid as error:
-        raise InputError(path, str(error).splitlines()[0]) from None
+        file.seek(0)
+        mark = next((mark for mark in (b",", b";", b"\t") if mark in head), b",").decode()
+        parse = pyarrow.csv.ParseOptions(delimiter=mark, invalid_row_handler=leave_out)
+        convert = pyarrow.csv.ConvertOptions(decimal_point="," if mark == ";" else ".")
+        read = pyarrow.csv.ReadOptions(use_threads=False)  # else rows have no numbers
+        rows = 0
+        try:
+            for batch in pyarrow.csv.open_csv(file, read_options=read, parse_options=parse, convert_options=convert):
+                rows += len(batch)
+                yield batch
+        except pa.ArrowInvalid as error:
+            raise InputError(path, str(error).splitlines()[0]) from None
+    within = next((row for row in broken if row.number is None or row.number <= rows + 1), None)
+    if within is not None:
+        raise InputError(
+            path,
+            f"row {within.number} has {within.actual_columns} columns, the header {within.expected_columns}: is it cut "
+            "off, or are commas decimal marks and separators at once? Remove it, or separate columns by ;",
+        )
 
 
 def json_line_batches(path: Path) -> Iterator[pa.RecordBatch]:

@@ -21,6 +21,7 @@ from acqd.errors import InputError
 from acqd.robot.description import RobotDescription
 from acqd.robot.inertia import inverse_dynamics
 from acqd.robot.log import RobotLog, in_time
+from acqd.robot.row_clock import LateStamps
 
 TorqueSource = Literal["measured", "model", "current"]
 """Joint torques from sensors, from the description's inverse dynamics, or motor currents instead of torques."""
@@ -30,6 +31,10 @@ _CUTOFF_HZ = 12.0  # well above BAND_HZ: smoothing the angles changes nothing be
 _ROUNDED_CUTOFF_HZ = 8.0  # for times in whole milliseconds: their rounding is noise of the accelerations
 BAND_HZ = 2.5
 """Regressors and power are compared below this frequency; above it, encoder and recorder artefacts dominate."""
+_CLOSE = 0.1
+"""Step over the usual one, below which rows nearly coincide."""
+_PAUSE_S = 0.25
+"""Longest step that counts for the usual one."""
 _SIGN_SPEED = 0.02  # rad/s, width of the smoothed sign of the speed
 _PULSE_EDGES_S = (0.0, 0.12, 0.3, 0.6)
 """Edges of the pulses after the brakes have opened."""
@@ -125,7 +130,8 @@ def regressors_of(log: RobotLog, robot: RobotDescription, torque: TorqueSource |
         columns.append(_brake_columns(np.interp(grid, time, log.signals["brake"][rows])))
         events = columns[-1].shape[1]
     known = _known(grid, time)
-    coarse = log.quality.smoothing is not None and log.quality.smoothing.coarse
+    smoothing, late = log.quality.smoothing, isinstance(log.quality.rebuilt, LateStamps)
+    coarse = late or (smoothing is not None and smoothing.coarse)  # times put right are as unsure as a supply's lag
     return Regressors(
         float(time[0]), np.column_stack(columns), power, essential, events, known, log.quality.age_error_s, coarse
     )
@@ -188,9 +194,26 @@ def _rounded(time: Floats) -> bool:
 
 
 def _smooth(grid: Floats, time: Floats, values: Floats, cutoff_hz: float = _CUTOFF_HZ) -> Floats:
-    even = CubicSpline(time, values)(grid)  # straight lines between 40 ms samples would blur like a supply's lag
+    even = CubicSpline(*_apart(time, values))(
+        grid
+    )  # straight lines between 40 ms samples would blur like a supply's lag
     filtered = butter(2, cutoff_hz, fs=1 / STEP_S, output="sos")
     return np.asarray(sosfiltfilt(filtered, even, axis=0))
+
+
+def _apart(time: Floats, values: Floats) -> tuple[Floats, Floats]:
+    """Times and values without rows that nearly coincide, as those of a packet: their means.
+
+    A spline through two values of an encoder that are 0.1 ms apart swings far beyond both.
+    """
+    step = np.diff(time)
+    usual = float(np.minimum(step, _PAUSE_S).mean())
+    new = np.concatenate([[0], np.cumsum(step >= _CLOSE * usual)])
+    if new[-1] == len(time) - 1:
+        return time, values
+    counts = np.bincount(new)
+    means = [np.bincount(new, column) / counts for column in (time - time[0], *values.T)]
+    return time[0] + means[0], np.column_stack(means[1:])
 
 
 def _averaged(columns: Floats, window_s: float) -> Floats:

@@ -22,12 +22,13 @@ from acqd.dataset.manifest import load_manifest
 from acqd.dataset.merge import Recording
 from acqd.dataset.power import Measured
 from acqd.dataset.power_values import no_value_note, no_values
-from acqd.dataset.schema import TIME, UTC_NS, read_columns, recording_table
+from acqd.dataset.schema import TIME, UTC_NS, read_columns, recording_table, unit_of
 from acqd.dataset.split import with_split
 from acqd.dataset.table_motion import require_power, trusted_motion, without_unusable
 from acqd.errors import UserError
 from acqd.robot.description import RobotDescription, load_description
 from acqd.robot.log_ends import sentence, unknown_ends
+from acqd.robot.log_layout import LABELS
 from acqd.robot.motion import MotionQuality
 
 RECORDING = "recording"
@@ -189,7 +190,7 @@ def _recording(name: str, rows: pa.Table, robot: RobotDescription) -> tuple[Reco
         raise UserError(
             f"recording {name}: row {row} is not {step_ns * 1e-9:.6g} s after the row before; resample it to one step"
         )
-    columns = {name: _numbers(name, rows) for name in rows.column_names if name not in _IGNORED}
+    columns = {name: _numbers(name, rows) for name in rows.column_names if name not in _IGNORED and _used(name, rows)}
     essential = [columns["P"], *(columns[f"q{k + 1}"] for k in range(robot.axes))]
     valid = np.asarray(np.isfinite(np.array(essential)).all(axis=0))
     if "valid" in rows.column_names:
@@ -218,6 +219,13 @@ def _flags(rows: pa.Table) -> NDArray[np.bool_]:
     if wrong is not None:
         raise UserError(f"column valid: holds {wrong!r:.40}; expected booleans, or 0 and 1")
     return np.array([known[word] for word in words])
+
+
+def _used(name: str, rows: pa.Table) -> bool:
+    """Whether a column is kept: words in a column that no part of acqd reads do not matter."""
+    kind = rows.schema.field(name).type
+    words = pa.types.is_string(kind) or pa.types.is_large_string(kind) or pa.types.is_temporal(kind)
+    return not words or unit_of(name) is not None or name in LABELS
 
 
 def _numbers(name: str, rows: pa.Table) -> np.ndarray:

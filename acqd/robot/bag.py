@@ -10,6 +10,7 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.errors import InputError, UserError
+from acqd.robot.bag_joints import States, arm_states
 from acqd.robot.description import LogColumns, RobotDescription
 from acqd.robot.table import Table
 
@@ -17,46 +18,34 @@ _CHUNK, _LARGEST_CHUNK = 0x06, 512 << 20
 _MOST_MESSAGES = 20_000_000
 """Joint states of eleven hours at 500 Hz take 20 GB as objects."""
 SUFFIXES = (".mcap", ".db3", ".bag")
+_OPEN = ".bag.active"
 _TYPE = "sensor_msgs/msg/JointState"
 _STAMPED = 0.5
 """Share of headers with a stamp from which on the stamps count."""
 _FIELDS = ("position", "velocity", "effort")
+_NAMED = 5
+"""Topics of other types that are listed."""
 
 
 def is_bag(path: Path) -> bool:
     """Whether a path is a bag: a file of that kind, or a folder with the metadata of a ROS 2 bag."""
-    return path.suffix in SUFFIXES or (path.is_dir() and (path / "metadata.yaml").is_file())
+    return (
+        path.suffix in SUFFIXES or path.name.endswith(_OPEN) or (path.is_dir() and (path / "metadata.yaml").is_file())
+    )
 
 
 def read_bag(path: Path, robot: RobotDescription) -> Table:
     """The states of the robot's joints, in the order of the description, with the generic header of a log.
 
-    Time is the stamp of the message's header, or the time of recording where no header has a stamp. Position, velocity
-    and effort (a torque or a current, as the description's layout `ros` says) become q, qd and tau or current.
+    Time is the stamp of the message's header, or the time of recording where the headers have no stamps. Position,
+    velocity and effort (a torque or a current, as the description's layout `ros` says) become q, qd and tau or current.
     Raises InputError when no topic or more than one has all joints, UserError without the library.
     """
+    if path.name.endswith(_OPEN):
+        raise InputError(path, f"was not closed by its recorder: rosbag reindex {path.name}, then name it .bag")
     topics = _topics(path)
-    if not topics:
-        raise InputError(path, f"has no messages of the type {_TYPE}")
     layouts = [layout for layout in robot.log if layout.format == "ros"] or [LogColumns(format="ros")]
-    layout, names, complete = _named(robot, layouts, topics)
-    if not complete:
-        found = sorted({name for states in topics.values() for _, state in states for name in state.name})
-        if set(names) <= set(found):
-            raise InputError(
-                path,
-                f"the joints of one arm come in several messages ({', '.join(sorted(topics))}); expected all of "
-                f"{', '.join(names)} in each: record the topic of joint_state_broadcaster",
-            )
-        advice = f'"{", ".join(found[: robot.axes])}"' if len(found) >= robot.axes else "their names"
-        raise InputError(
-            path,
-            f"has the joints {', '.join(found)}; expected in one message {', '.join(names)}. If they are this robot's, "
-            f'add to its description: [[log]] format = "ros", joints = [{advice}] in the order of the axes',
-        )
-    if len(complete) > 1:
-        raise InputError(path, f"has states of the same joints in {', '.join(sorted(complete))}: record one of them")
-    states = [(ns, state) for ns, state in complete.popitem()[1] if set(names) <= set(state.name)]
+    layout, names, states = arm_states(path, robot, layouts, topics)
     quantities = dict(zip(_FIELDS, ("q", "qd", layout.effort), strict=True))
     columns, header = [_stamps(states)[:, None]], ["time"]
     for field, quantity in quantities.items():
@@ -67,38 +56,34 @@ def read_bag(path: Path, robot: RobotDescription) -> Table:
     return Table(header, np.hstack(columns), np.arange(1, len(states) + 1))
 
 
-def _named(
-    robot: RobotDescription, layouts: list[LogColumns], topics: dict[str, list[tuple[int, Any]]]
-) -> tuple[LogColumns, list[str], dict[str, list[tuple[int, Any]]]]:
-    """The first layout whose joints come in one message, their names, and the topics that have them."""
-    tried = [(layout, layout.joints or [joint.name for joint in robot.joint]) for layout in layouts]
-    for layout, names in tried:
-        wanted = set(names)
-        complete = {topic: states for topic, states in topics.items() if any(wanted <= set(s.name) for _, s in states)}
-        if complete:
-            return layout, names, complete
-    return (*tried[0], {})
-
-
-def _topics(path: Path) -> dict[str, list[tuple[int, Any]]]:
-    """Joint states of each topic, with the times of recording [ns]."""
+def _topics(path: Path) -> dict[str, States]:
+    """Joint states of each topic. Raises InputError for a bag without them, or that is damaged."""
     try:
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
     except ModuleNotFoundError:
         raise UserError(f"{path}: ROS bags need rosbags: pip install 'acqd[rosbag]'") from None
-    topics: dict[str, list[tuple[int, Any]]] = {}
+    topics: dict[str, States] = {}
+    others: list[str] = []
     try:
         for file in sorted(path.glob("*.mcap")) if path.is_dir() else [path]:
             _check_chunks(file)
         with AnyReader([path], default_typestore=get_typestore(Stores.LATEST)) as reader:
             if reader.message_count > _MOST_MESSAGES:
                 raise ValueError(f"{reader.message_count} messages are more than are read at once; split it")
+            others = sorted({f"{each.topic} ({each.msgtype})" for each in reader.connections})
             for connection, ns, state in _states(reader):
                 topics.setdefault(connection.topic, []).append((ns, state))
     except Exception as error:  # whatever a damaged bag makes the library raise: struct.error, KeyError, apsw.Error ...
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InputError(path, f"is not a readable bag ({reason:.120}){_remedy(path)}") from None
+    if not topics:
+        there = f", only {', '.join(others[:_NAMED])}" if others else ""
+        raise InputError(
+            path,
+            f"has no messages of the type {_TYPE}{there}: record the topic of joint_state_broadcaster, or write a CSV "
+            "file with time, q1, q2 ...",
+        )
     return topics
 
 
@@ -138,8 +123,8 @@ def _states(reader: Any) -> Iterator[tuple[Any, int, Any]]:
             yield connection, ns, reader.deserialize(raw, connection.msgtype)
 
 
-def _stamps(states: list[tuple[int, Any]]) -> Floats:
-    """[T] s of the headers, or of the recording where hardly a header has any.
+def _stamps(states: States) -> Floats:
+    """[T] s of the headers, or of the recording where hardly a header has any, or all have the same.
 
     A few headers without a stamp are those of a driver that starts: their rows take the time of recording, as much
     earlier as the other rows are stamped earlier.
@@ -147,13 +132,13 @@ def _stamps(states: list[tuple[int, Any]]) -> Floats:
     stamps = np.array([state.header.stamp.sec + state.header.stamp.nanosec * 1e-9 for _, state in states])
     recorded = np.array([ns * 1e-9 for ns, _ in states])
     stamped = stamps > 0.0
-    if stamped.mean() < _STAMPED:
+    if stamped.mean() < _STAMPED or (len(stamps) > 1 and np.ptp(stamps) == 0.0):
         return recorded
     earlier_s = float(np.median((recorded - stamps)[stamped]))
     return np.asarray(np.where(stamped, stamps, recorded - earlier_s))
 
 
-def _values(states: list[tuple[int, Any]], field: str, names: list[str]) -> Floats | None:
+def _values(states: States, field: str, names: list[str]) -> Floats | None:
     """[T, joints] of one field; None unless every message has it for all of its joints."""
     rows = []
     order: dict[tuple[str, ...], list[int]] = {}

@@ -58,6 +58,8 @@ class LogColumns(Section):
     format: Literal["datarecorder", "csv", "ros"]
     joints: list[str] = Field(default=[])
     """Of ROS bags: the joints' names in the order of the axes, where they differ from those of the description."""
+    topic: str | None = None
+    """Of ROS bags: the topic of the joint states, where several have all joints."""
     effort: Literal["tau", "current"] = "tau"
     """Of ROS bags: what the driver publishes as effort, torque in Nm or current in A."""
     header: bool = True

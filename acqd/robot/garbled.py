@@ -15,6 +15,9 @@ FEW = 0.01
 """Share of a log's rows that may be garbled; they are left out. With more, the log is refused."""
 BEYOND = "but its limit is"
 """In the reason of every angle beyond a limit."""
+_UNKNOWN = "the arm seems to stand here, and to be elsewhere within a row: angles that the driver did not know?"
+_STANDS = 3
+"""Rows of one pose that no spike has."""
 _ALLOWANCE = np.radians(2.0)  # beyond a limit
 _ALLOWANCE_M = 0.02
 _WHOLE_TURN = np.radians(355)  # axes with this range or more count further turns: a whole turn more is no error
@@ -54,7 +57,26 @@ def garbled_rows(time: Floats, q: Floats, robot: RobotDescription) -> dict[int, 
     for row, axis in zip(*np.nonzero(_spikes(time[good], q[good], robot)), strict=True):
         name = robot.joint[axis].name
         faults.setdefault(int(good[row]), f"{name} is at {q[good[row], axis]:.4g} rad in this row only")
+    good = np.array([row for row in good if row not in faults], dtype=np.int64)
+    for row in good[_unknown_poses(time[good], q[good], robot)]:
+        faults[int(row)] = _UNKNOWN
     return dict(sorted(faults.items()))
+
+
+def _unknown_poses(time: Floats, q: Floats, robot: RobotDescription) -> NDArray[np.bool_]:
+    """[T] rows of one and the same pose, which the arm reaches and leaves faster than it can move.
+
+    A driver that does not know the angles writes zeros, say: before it has them, or when it has lost them.
+    """
+    unknown = np.zeros(len(time), bool)
+    if len(time) < 3:
+        return unknown
+    step = np.diff(time)
+    fast = (np.abs(np.diff(q, axis=0)) > reach(np.maximum(step, np.median(step)), robot)).any(axis=1)
+    edges = [0, *(np.flatnonzero(fast) + 1).tolist(), len(time)]
+    for start, end in itertools.pairwise(edges) if fast.any() else ():
+        unknown[start:end] = end - start >= _STANDS and bool((q[start:end] == q[start]).all())
+    return unknown
 
 
 def impossible_jump(time: Floats, q: Floats, robot: RobotDescription) -> tuple[int, str] | None:

@@ -19,7 +19,7 @@ from acqd.robot.labels import Texts
 from acqd.robot.log_layout import LABELS, PER_AXIS, Columns, layout_of, more_axes, twice, why_not, word_columns
 from acqd.robot.motion import MotionQuality, doubtful_rows, unwrapped
 from acqd.robot.resolution import resolution, smoothed, smoothing_of
-from acqd.robot.row_clock import LateStamps, clock_fault, late_stamps
+from acqd.robot.row_clock import LateStamps, clock_fault, late_stamps, set_back
 from acqd.robot.table import Table, read_table
 from acqd.robot.tool_point import check_tool_point
 from acqd.rounded_times import Rebuilt, rebuilt_times, shared_stamps
@@ -116,10 +116,7 @@ def log_of(path: Path, table: Table, robot: RobotDescription) -> RobotLog:
         recorded, log = recorded[kept], replace(log.part(kept, path), note=_note(table, faults))
         table = replace(table, lines=table.lines[kept])
         point = None if point is None else point[kept]
-    restart = clock_restart(log.time, log.q)
-    if restart is not None:
-        back = f"time goes back from {log.time[restart - 1]:.3f} to {log.time[restart]:.3f} s"
-        raise InputError(path, f"row {table.line(restart)}: {back} with other angles: write one file per recording")
+    _require_one_clock(log, table, robot)
     order = np.unique(log.time, return_index=True)[1]
     order = order[np.concatenate([[True], (np.diff(log.q[order], axis=0) != 0).any(axis=1)])]  # poses may be held
     jump = impossible_jump(log.time[order], log.q[order], robot)
@@ -133,6 +130,24 @@ def log_of(path: Path, table: Table, robot: RobotDescription) -> RobotLog:
         axes = f"has {robot.axes + more} axes, {robot.name} has {robot.axes}: the others are not used; is it its log?"
         log = replace(log, note=f"{log.note}; {axes}" if log.note else axes)
     return _trusted(log, robot, wrapped, stamps, table)
+
+
+def _require_one_clock(log: RobotLog, table: Table, robot: RobotDescription) -> None:
+    """Raises InputError where the clock was set back in a log, or its times begin again."""
+    back = set_back(log.time, log.q, robot.speed)
+    if back is not None:
+        by = log.time[back - 1] - log.time[back]
+        raise InputError(
+            log.path,
+            f"row {table.line(back)}: the time goes back by {by:.1f} s while the arm moves on: the clock was set there "
+            "(the end of summer time, say); cut the log at this row, or write UTC",
+        )
+    restart = clock_restart(log.time, log.q)
+    if restart is not None:
+        again = f"time goes back from {log.time[restart - 1]:.3f} to {log.time[restart]:.3f} s"
+        raise InputError(
+            log.path, f"row {table.line(restart)}: {again} with other angles: write one file per recording"
+        )
 
 
 def _with_distinct_times(log: RobotLog) -> tuple[RobotLog, Rebuilt | None]:
@@ -265,7 +280,8 @@ def _assemble(path: Path, table: Table, layout: LogColumns, columns: Columns) ->
     assert clock is not None and q is not None
     time = clock[:, 0] + clock[:, 1] * 1e-9 if clock.shape[1] == 2 else clock[:, 0] * layout.time_unit_s
     signals = {name: column for name in ("tool", "brake") if (column := single(name)) is not None}
-    others: dict[str, Any] = {name: values(name) for name in PER_AXIS[1:]}
+    there = {name: column for name in PER_AXIS[1:] if (column := values(name)) is not None}
+    others: dict[str, Any] = {name: column for name, column in there.items() if np.isfinite(column).any()}
     power, voltage, current = single("power"), single("bus_voltage"), single("bus_current")
     if power is None and voltage is not None and current is not None:
         power = voltage * current

@@ -42,6 +42,8 @@ _PAUSE_S = 0.6
 """Step between rows that is a pause of the recorder, not a late packet."""
 _REST_S = 0.3
 """Time without motion that ends a line."""
+_REST_OFF_S = 0.15
+"""Difference of such a time from that of as many rows in motion, from which on rows may be missing in it."""
 _RESTS = 3.0
 """Usual steps of one pose, written again and again, that are a rest."""
 _EARLIEST = 0.02
@@ -126,8 +128,10 @@ def late_stamps(time: Floats, q: Floats, speed: Floats, q_step: Floats) -> LateS
         return None
     rows = np.where(judged, np.maximum(np.rint(ways.way), 1.0), 1.0)  # rows that were lost count
     pauses = rests | (steps >= _PAUSE_S)
-    for start, end in runs_of_true(~judged):  # an arm that rests tells no time
-        pauses[start:end] |= stamps[end] - stamps[start] > _REST_S
+    row_s = float(steps[judged].sum() / rows[judged].sum())
+    for start, end in runs_of_true(~judged):  # an arm that rests tells no time, but rows go on at the same rate
+        span = stamps[end] - stamps[start]
+        pauses[start:end] |= span > _REST_S and abs(span - row_s * (end - start)) > _REST_OFF_S
     even = even_times(stamps, rows=rows, pauses=pauses)
     moved = np.linalg.norm(np.diff(q[new] / speed, axis=0), axis=1)
     if _changes(stamps, moved, judged) < _SMOOTHER * _changes(even.time, moved, judged):
@@ -189,6 +193,25 @@ def clock_fault(
         missing_s=missing * float(np.median(ways.step_s)),
         refused=False,  # a servo that reports its angle at its own pace does the same with true times
     )
+
+
+def set_back(time: Floats, q: Floats, speed: Floats) -> int | None:
+    """The row, in the order of the file, at which the time [T] s goes back while the arm [T, axes] moves on.
+
+    A recorder that writes a block late, and a second recording in the file, go on with another pose.
+    """
+    steps = np.diff(time)
+    back = np.flatnonzero(steps < 0)
+    if len(back) != 1 or not _AROUND <= back[0] < len(steps) - _AROUND:
+        return None
+    row = int(back[0])
+    ways = np.linalg.norm(np.diff(q[row - _AROUND : row + _AROUND + 2] / speed, axis=0), axis=1)
+    usual, usual_s = float(np.median(ways)), float(np.median(np.abs(steps)))
+    if -steps[row] < max(_SET_ROWS * usual_s, _SET_S):  # rows that came in another order
+        return None
+    if usual < _FAST * usual_s or not 1 - _TWICE[0] < ways[_AROUND] / usual < 1 + _TWICE[0]:
+        return None
+    return row + 1
 
 
 def _ways(time: Floats, x: Floats, x_step: Floats) -> _Ways | None:

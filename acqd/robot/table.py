@@ -15,7 +15,7 @@ from acqd.parquet_size import check_size
 from acqd.robot.labels import from_cells
 from acqd.robot.table_text import Table, joined, number_in, text_tables
 
-__all__ = ["Table", "read_table"]
+__all__ = ["Table", "read_table", "text_of"]
 
 _FORMATS = {
     b"\x1f\x8b": "is compressed; unpack it first: gunzip FILE",
@@ -46,7 +46,7 @@ def read_table(path: Path, broken_share: float = 0.0, words: Collection[str] = (
         return _read_parquet(path, words)
     try:
         with path.open("rb") as file:
-            tables = list(text_tables(path, _text(path, file), words))
+            tables = list(text_tables(path, text_of(path, file), words))
     except OSError as error:
         raise InputError(path, f"cannot be read ({error.strerror})") from None
     table = joined(tables)
@@ -56,7 +56,7 @@ def read_table(path: Path, broken_share: float = 0.0, words: Collection[str] = (
     return table
 
 
-def _text(path: Path, file: BinaryIO) -> BinaryIO:
+def text_of(path: Path, file: BinaryIO) -> BinaryIO:
     """The file, or its text in UTF-8. Raises InputError for known formats that are no text."""
     head = file.read(64)
     file.seek(0)

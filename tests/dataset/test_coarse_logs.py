@@ -7,7 +7,7 @@ from acqd.dataset.placement import place
 from acqd.dataset.power import PowerStream
 from acqd.dataset.regressors import regressors_of
 from acqd.robot.description import load_description
-from acqd.robot.log import read_log
+from acqd.robot.log import RobotLog, read_log
 from tests.places import ROBOT_LOGS, needs_robot_logs
 
 ROBOT = load_description("ur10e")
@@ -58,3 +58,15 @@ def test_the_lag_of_coarse_logs_is_the_true_one_in_its_interval(recordings, tmp_
         assert placement.method != "refused"
         assert abs(placement.lag_s - AHEAD_S) < max(0.01, placement.within_s)
         assert placement.within_s < 0.045
+
+
+def test_rows_of_a_packet_do_not_make_the_motion_swing(tmp_path):
+    robot = load_description("ur10e")
+    t = 0.01 * np.arange(2000)
+    rest = np.abs(t - 10) > 5
+    moved = np.where(rest, 0.0, 0.3 * (1 + np.cos(np.pi * (t - 10) / 5)))
+    q = moved[:, None] + np.random.default_rng(0).normal(0, 1e-5, (2000, 6))
+    packets = np.where(rest, t[np.arange(2000) // 10 * 10 + 9] + 1e-4 * (np.arange(2000) % 10), t)
+    columns = regressors_of(RobotLog(tmp_path / "log.csv", packets, q), robot).columns
+    even = regressors_of(RobotLog(tmp_path / "log.csv", t, q), robot).columns
+    assert np.abs(columns).max(axis=0) == pytest.approx(np.abs(even).max(axis=0), rel=0.5, abs=0.1)

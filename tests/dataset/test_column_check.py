@@ -6,12 +6,19 @@ import numpy as np
 import pytest
 
 from acqd.dataset.build import BuildConfig, build
-from acqd.dataset.column_check import _require_scale, check_columns, judge_logs, judge_recordings, judge_table
+from acqd.dataset.column_check import (
+    _require_scale,
+    check_columns,
+    doubt_robot,
+    judge_logs,
+    judge_recordings,
+    judge_table,
+)
 from acqd.dataset.merge import Recording
 from acqd.errors import UserError
 from acqd.robot.description import load_description
 from acqd.robot.inertia import inverse_dynamics
-from acqd.robot.log import read_log
+from acqd.robot.log import RobotLog, read_log
 from tests.campaigns import quiet
 from tests.places import ROBOT_LOGS, needs_robot_logs
 
@@ -147,3 +154,24 @@ def test_torques_of_friction_on_a_vertical_axis_are_no_other_unit():
     q[:, 1] += 0.5 * np.sin(2 * np.pi * t / 5)
     with pytest.raises(UserError, match="in mNm or per cent"):
         _require_scale(robot, [("torques", q, 1000 * inverse_dynamics(robot, q, 0 * q, 0 * q))], "x")
+
+
+@needs_robot_logs
+def test_logs_of_the_larger_arm_of_a_family_are_doubted_and_those_of_the_right_one_are_not(ur10e):
+    robot, logs = ur10e
+    assert doubt_robot(logs, robot) == []
+    (line,) = doubt_robot(logs, load_description("ur5e"))
+    assert "fit ur10e better than ur5e" in line
+
+
+@pytest.mark.parametrize(("name", "axis"), [("ur5e", 2), ("ur5e", 0), ("franka_panda", 3)])
+def test_motor_torques_of_one_moving_joint_belong_to_the_angles(tmp_path, name, axis):
+    robot = load_description(name)
+    time = 0.02 * np.arange(1000)
+    q = np.tile(np.array([0, 0.5, 0, -1.5, 0, 1.2, 0.3])[: robot.axes], (1000, 1))
+    q[:, axis] += 0.6 * np.sin(0.8 * time) + 0.2 * np.sin(2.3 * time)
+    qd = np.gradient(q, time, axis=0)
+    rated = np.array([joint.effort for joint in robot.joint])
+    tau = inverse_dynamics(robot, q, qd, np.gradient(qd, time, axis=0)) + 0.08 * rated * np.tanh(qd / 0.02)
+    tau += 0.02 * rated * np.random.default_rng(1).normal(size=q.shape)
+    check_columns(RobotLog(tmp_path / "log.csv", time, q, tau=tau), robot)

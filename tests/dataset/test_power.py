@@ -1,5 +1,6 @@
 """Power rows from files of any kind."""
 
+import gzip
 import json
 
 import numpy as np
@@ -10,7 +11,7 @@ from acqd.dataset.config import BuildConfig
 from acqd.dataset.log_power import require_drawn, small_power
 from acqd.dataset.power import open_power
 from acqd.dataset.write import power_provenance
-from acqd.errors import UserError
+from acqd.errors import InputError, UserError
 
 
 def rows(count=200):
@@ -179,3 +180,40 @@ def test_an_unknown_zone_is_named(tmp_path):
     (tmp_path / "p.csv").write_text("time,P\n2026-10-25 02:00:00,1\n")
     with pytest.raises(UserError, match="zone 'Mars' is unknown"):
         open_power(str(tmp_path / "p.csv"), None, None, zone="Mars")
+
+
+ROWS = "time,P\n" + "".join(f"{1_700_000_000 + 0.04 * k:.2f},{100 + 9 * np.sin(0.3 * k):.3f}\n" for k in range(200))
+
+
+@pytest.mark.parametrize(
+    ("content", "rows"),
+    [
+        (ROWS.replace(",", "\t").encode(), 200),
+        (ROWS.encode("utf-16"), 200),
+        (ROWS[:-9].encode(), 199),  # the recorder was stopped within a line
+        (ROWS.encode() + bytes(500), 200),  # the file system had kept room for more
+    ],
+)
+def test_tabs_other_encodings_and_a_last_line_that_is_cut_off_are_read(tmp_path, content, rows):
+    (tmp_path / "rows.csv").write_bytes(content)
+    assert len(open_power(str(tmp_path / "rows.csv"), None, None).P) == rows
+
+
+@pytest.mark.parametrize(
+    ("content", "line"),
+    [
+        (gzip.compress(ROWS.encode()), "is compressed; unpack it first: gunzip FILE"),
+        (
+            ROWS.replace("00.40,", "00.40,1,").encode(),
+            "row 12 has 3 columns, the header 2: is it cut off, or are commas",
+        ),
+        (
+            b"time,P\n" + b"".join(b"%d,%d\n" % (1_700_000_000 + k, k) for k in range(150)),
+            "P never falls: is it the reg",
+        ),
+    ],
+)
+def test_what_is_no_table_of_power_is_refused_with_the_remedy(tmp_path, content, line):
+    (tmp_path / "rows.csv").write_bytes(content)
+    with pytest.raises(InputError, match=line):
+        open_power(str(tmp_path / "rows.csv"), None, None)

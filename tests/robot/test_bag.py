@@ -108,3 +108,67 @@ def test_a_chunk_that_would_fill_the_memory_is_refused_before_it_is_read(tmp_pat
     file.write_bytes(data)
     with pytest.raises(InputError, match="a chunk of 1000000 MB"):
         read_log(bag, load_description("ur10e"))
+
+
+ARMS = [side + name for side in ("left_", "right_") for name in NAMES]
+
+
+@pytest.mark.parametrize("prefix", ["", "cell1_ur10e_", "robot/"])
+def test_a_prefix_before_all_names_and_another_order_in_each_message_are_no_obstacle(tmp_path, prefix):
+    messages = [
+        (10_000_000 * k, state(k, [prefix + name for name in np.roll(NAMES, k).tolist()])) for k in range(1, ROWS)
+    ]
+    log = read_log(write_bag(tmp_path / "bag", {"/joint_states": messages}), load_description("ur10e"))
+    # `state` gives each joint an angle by the length of its name
+    np.testing.assert_allclose(log.q[0] - log.q[0, 0], [0.1 * (len(n) - 18) for n in sorted_by_axis()], atol=1e-9)
+    np.testing.assert_allclose(np.ptp(log.q, axis=0), 0.001 * (ROWS - 2), atol=1e-9)
+
+
+def without_positions_in_one():
+    some = states()
+    ns, one = some[40]
+    return [*some[:40], (ns, STATE(one.header, one.name, one.position[:5], one.velocity, one.effort)), *some[41:]]
+
+
+def test_a_message_without_all_positions_is_left_out(tmp_path):
+    log = read_log(
+        write_bag(tmp_path / "bag", {"/joint_states": without_positions_in_one()}), load_description("ur10e")
+    )
+    assert len(log.time) == ROWS - 1
+
+
+def test_one_stamp_for_all_messages_is_no_time(tmp_path):
+    header = state(0, NAMES).header
+    messages = [(ns, STATE(header, s.name, s.position, s.velocity, s.effort)) for ns, s in states()]
+    log = read_log(write_bag(tmp_path / "bag", {"/joint_states": messages}), load_description("ur10e"))
+    np.testing.assert_allclose(log.time, 2 + 0.01 * np.arange(ROWS), atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("topics", "remedy"),
+    [
+        ({"/joint_states": states(ARMS)}, 'begin with left_, right_.*"left_shoulder_pan_joint", "left_shoulder_lift_j'),
+        ({"/joint_states": states([f"arm_{k}" for k in range(7)])}, 'joints = ..FIRST", "..."'),
+        ({"/joint_states": states(), "/desired/joint_states": states()}, 'topic = "/joint_states"'),
+    ],
+)
+def test_the_line_on_joints_that_do_not_fit_has_the_keys_to_write(tmp_path, topics, remedy):
+    with pytest.raises(InputError, match=remedy):
+        read_log(write_bag(tmp_path / "bag", topics), load_description("ur10e"))
+
+
+def test_a_topic_can_be_chosen_and_numbered_joints_of_another_arm_are_not_taken(tmp_path):
+    robot = load_description("ur10e")
+    layout = next(each for each in robot.log if each.format == "ros")
+    chosen = robot.model_copy(update={"log": [layout.model_copy(update={"topic": "/b"})]})
+    bag = write_bag(tmp_path / "bag", {"/a": states(), "/b": states()[:50]})
+    assert len(read_log(bag, chosen).time) == 50
+    other = write_bag(tmp_path / "panda", {"/joint_states": states([f"panda_joint{k}" for k in range(1, 8)])})
+    with pytest.raises(InputError, match=r'joints = ..panda_joint1", "panda_joint2'):
+        read_log(other, load_description("xarm7"))
+
+
+def test_a_bag_that_is_still_open_is_named(tmp_path):
+    (tmp_path / "x.bag.active").write_bytes(b"#ROSBAG V2.0\n")
+    with pytest.raises(InputError, match=r"rosbag reindex x.bag.active"):
+        read_log(tmp_path / "x.bag.active", load_description("ur10e"))

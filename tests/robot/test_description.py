@@ -9,8 +9,8 @@ from acqd.robot.newton_euler import Chain, frames
 from tests.robot.states import ROBOTS
 
 SHIPPED = [
-    "abb_irb120", "crx10ia", "doosan_m1013", "fr3", "franka_panda", "iiwa7_r800", "kinova_gen3", "kuka_iiwa14",
-    "ur10e", "ur3e", "ur5e", "xarm6", "xarm7",
+    "abb_gofa5", "abb_irb120", "crx10ia", "doosan_m1013", "fr3", "franka_panda", "iiwa7_r800", "kinova_gen3",
+    "kuka_iiwa14", "ur10e", "ur3e", "ur5e", "xarm6", "xarm7",
 ]  # fmt: skip
 
 
@@ -19,7 +19,7 @@ def test_these_robots_are_shipped():
 
 
 def test_an_unknown_robot_is_named_with_those_there_are():
-    with pytest.raises(UserError, match="robot 'r2d2' is unknown; known: abb_irb120, crx10ia"):
+    with pytest.raises(UserError, match="robot 'r2d2' is unknown; known: abb_gofa5, abb_irb120, crx10ia"):
         load_description("r2d2")
 
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from acqd.dataset.log_check import check_log
 from acqd.errors import InputError
 from acqd.robot.description import load_description
 from acqd.robot.log import log_of, read_log
@@ -245,3 +246,29 @@ def test_poses_of_a_short_dwell_are_not_old(row_s, dwell_s, noise):
     q = x[:, None] * moved + np.random.default_rng(0).normal(0, noise, (len(t), 6)) * (moved > 0)
     q = np.round(q / step_s) * step_s
     assert doubtful_rows(t, q, np.full(6, 3.14), np.full(6, step_s)).old.sum() < 0.02 * len(t)
+
+
+def test_a_clock_that_is_set_back_while_the_arm_moves_is_named_with_its_row(real):
+    t, q = real
+    moving = int(np.argmax(np.linalg.norm(np.diff(q, axis=0), axis=1)))
+    with pytest.raises(InputError, match=rf"row {moving + 3}: the time goes back by 3600.0 s while the arm moves on"):
+        log_with(5000.0 + t - 3600.0 * (np.arange(len(t)) > moving), q)
+    swapped = np.arange(len(t))
+    swapped[[moving, moving + 1]] = moving + 1, moving
+    assert len(log_with(t[swapped], q[swapped]).time) == len(t)  # one row that came late
+
+
+@pytest.mark.parametrize(("rows", "count"), [(slice(0, 12), 12), (slice(700, 710), 10), (slice(-15, None), 15)])
+def test_zeros_of_a_driver_that_does_not_know_the_angles_are_left_out(real, rows, count):
+    t, q = real
+    broken = q.copy()
+    broken[rows] = 0.0
+    log = log_with(t, broken)
+    assert len(log.time) == len(t) - count and "angles that the driver did not know" in log.note
+
+
+def test_times_in_minutes_are_refused(real):
+    t, q = real
+    with pytest.raises(InputError, match=r"times as fast as its limit .* in minutes"):
+        check_log(log_with(t / 60, q), ROBOT)
+    check_log(log_with(t, q), ROBOT)
