@@ -40,6 +40,7 @@ _TEXT = {".csv", ".log", ".txt"}
 """Of logs; with another suffix `acqd dataset build` passes a log over."""
 _POWER_IN_LOGS = {"power", "actual_robot_voltage", "P"}
 _VISITS = 100
+_OPTION = re.compile(r"(?<!\S)--[a-z]")
 _FOLDERS = re.compile(r"(?<![\w.:/])/(?:[\w.+-]+/)+")
 _COMPANIONS = {".cfg": ".dat"}
 """Files that belong to another of the same name."""
@@ -228,11 +229,11 @@ class Files:
         return "waveform", await asyncio.to_thread(_figures, out, found)
 
     def _plain(self, text: str) -> str:
-        """A message without the folders of this computer, and without the advice to give an option."""
+        """A message without the folders of this computer, and where options are those of the command line."""
         if self._folder is not None:
             for folder in (self._work / "in", self._work / "logs", self._work):
                 text = text.replace(f"{folder}/", "")
-        advice = "; for --map use acqd replay, or name the columns u1, i1, ... in the file" if "--map" in text else ""
+        advice = "; the page has no options: use acqd in a terminal" if _OPTION.search(text) else ""
         return _FOLDERS.sub("", text) + advice
 
     async def _close(self) -> None:

@@ -280,7 +280,7 @@ def test_names_have_suffixes_that_readers_know(tmp_path):
 def test_messages_have_no_folders_of_this_computer(tmp_path):
     files = Files(settings_of(tmp_path))
     text = files._plain("/etc/acqd/model: has m/s; say which with --map u1=0, postgresql://u@h/db")
-    assert text.startswith("model: has m/s; say which with --map u1=0, postgresql://u@h/db; for --map use acqd replay")
+    assert text.startswith("model: has m/s; say which with --map u1=0, postgresql://u@h/db; the page has no options")
 
 
 def test_the_work_of_another_page_is_left_alone(tmp_path):

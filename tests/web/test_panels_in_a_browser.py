@@ -117,6 +117,13 @@ def page_of_all(mosquitto, tmp_path):
     server.stop()
 
 
+def a_file_that_a_proxy_refuses(page):
+    page.route("**/api/files/add*", lambda route: route.fulfill(status=413, content_type="text/html", body="<html>"))
+    page.set_input_files("#files-input", files=[{"name": "a.csv", "mimeType": "text/csv", "buffer": b"1"}])
+    shows(page, "#files-note", "client_max_body_size")
+    assert page.query_selector("[role=status] #files-seconds") is None  # it would be read aloud every second
+
+
 def test_every_panel_shows_its_data_and_nothing_is_wrong(page_of_all, publisher):  # noqa: F811 - the fixture
     served, alarm = page_of_all
     address = served.server._site._settings.address
@@ -163,5 +170,7 @@ def test_every_panel_shows_its_data_and_nothing_is_wrong(page_of_all, publisher)
             assert serious_findings(page) == [] and page.errors == []
             bodies = [answer.body() for answer in weight if not any(part in answer.url for part in UNWEIGHED)]
             assert 50_000 < sum(map(len, bodies)) < _WEIGHT_BYTES
+            if light:
+                a_file_that_a_proxy_refuses(page)
             page.goto(f"{address}report")
             page.wait_for_function("document.title == 'shown'")
