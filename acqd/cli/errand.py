@@ -6,7 +6,6 @@ import contextlib
 import os
 from pathlib import Path
 
-from acqd.cli.main import main
 from acqd.plc.realtime import die_with_parent
 
 _NICE = 15
@@ -25,4 +24,6 @@ def give_way() -> None:
 
 if __name__ == "__main__":
     give_way()
+    from acqd.cli.main import main  # takes long on a busy computer: not before the priority is low
+
     main()

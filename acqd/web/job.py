@@ -76,7 +76,9 @@ class LoopJob:
         return self.state.state == "running"
 
     def run(self) -> None:
-        """Do what `start` has prepared; in the event loop."""
+        """Do what `start` has prepared, unless it was cancelled meanwhile; in the event loop."""
+        if not self.running:
+            return
         self._task = asyncio.create_task(self._run())
 
     async def cancel(self) -> None:
