@@ -96,10 +96,9 @@ def prepare(engine: sa.Engine) -> None:
     except sa.exc.DBAPIError as error:
         reason, permanent = first_line(error), not is_outage(error)
         foreign = permanent and not isinstance(error, sa.exc.OperationalError)
+        advice = "is it another program's file?" if foreign else _advice(engine)
         if _lacks_rights(error):
             advice = _RIGHTS
-        else:
-            advice = "is it another program's file?" if foreign else _advice(engine)
         message = f"database {shown(engine.url)}: {reason}; {advice}"
         raise (UserError(message) if permanent else DatabaseAwayError(message, reason)) from None
 

@@ -87,8 +87,8 @@ class Guard:
             if "no such table" not in str(error.orig) and getattr(error.orig, "sqlstate", "") != "42P01":
                 raise
             raise self._away(
-                "its tables are gone: empty, another one, or a schema that the role may not use; restart the sink to have "
-                "them made"
+                "its tables are gone: empty, another one, or a schema that the role may not use; restart the sink to "
+                "have them made"
             ) from None
         if self._identity is None:
             self._identity = identity
