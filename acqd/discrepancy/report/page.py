@@ -69,7 +69,8 @@ def _causes(page: Page, closed: Closed) -> None:
         return
     page.heading("What may be the cause")
     page.text(_sentence(causes.sentence(belief)))
-    page.text(f"Probabilities are calibrated on {shipped().source}. Plants of another kind may be missed more often.")
+    cases = shipped().source.partition(" (")[0]  # without the names of the plants
+    page.text(f"Probabilities are calibrated on {cases}. Plants of another kind may be missed more often.")
 
 
 def _errors(page: Page, closed: Closed) -> None:
