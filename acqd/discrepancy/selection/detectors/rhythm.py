@@ -97,15 +97,20 @@ def _switchings(on: States) -> int:
 
 
 def _dwells(on: States, t: list[Floats]) -> Iterator[_Dwell]:
-    """Stays in order of time. A pause that is longer than what is seen of the stays at both its ends cuts them."""
-    runs = [run for k in sorted(range(len(t)), key=lambda k: float(t[k][0])) for run in _runs(on[k], t[k])]
+    """Stays in order of time. Pauses cut them, unless they are so short that no whole stay is likely to be within."""
+    segments = [list(_runs(on[k], t[k])) for k in sorted(range(len(t)), key=lambda k: float(t[k][0]))]
+    runs = [run for segment in segments for run in segment]
+    whole: dict[bool, list[float]] = {}
+    for state, start_s, end_s in (run for segment in segments for run in segment[1:-1]):
+        whole.setdefault(state, []).append(end_s - start_s)
+    bridged_s = min((float(np.median(each)) for each in whole.values()), default=0.0) / 2
     begun, hidden_s, first = False, 0.0, 0
-    for number, ((state, _, end_s), (next_state, start_s, next_end_s)) in enumerate(pairwise(runs)):
-        pause_s, seen_s = start_s - end_s, end_s - runs[first][1]
-        cut = pause_s > seen_s + next_end_s - start_s
+    for number, ((state, _, end_s), (next_state, start_s, _)) in enumerate(pairwise(runs)):
+        pause_s = start_s - end_s
+        cut = pause_s > bridged_s
         if state == next_state and not cut:
             continue
-        yield _Dwell(state, seen_s, hidden_s + (0.0 if cut else pause_s), begun, not cut)
+        yield _Dwell(state, end_s - runs[first][1], hidden_s + (0.0 if cut else pause_s), begun, not cut)
         begun, hidden_s, first = not cut, 0.0 if cut else pause_s, number + 1
     yield _Dwell(runs[-1][0], runs[-1][2] - runs[first][1], 0.0, begun, ended=False)
 
