@@ -114,9 +114,9 @@ class Sources:
     def _by_name(self, module: str) -> set[str]:
         """Modules that no import statement names: which of them the module imports is known only when it runs.
 
-        A module that imports by name may import all modules of its package, and of those that its strings name. The
-        root package does so for users, and tests for what they test, which their marks name. A package that is a
-        program is run as a process, or from its file.
+        A module that imports by name may import all modules of the packages that its strings name, or of its own
+        package where they name none. The root package does so for users, and tests for what they test, which their
+        marks name. A package of tools that is a program is run as a process, or from its file.
         """
         root, _, within = module.partition(".")
         if not within:
