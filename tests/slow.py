@@ -62,6 +62,8 @@ class Sources:
     graph: Any
     """Of grimp, with the packages acqd, tests and tools."""
     root: Path = ROOT
+    _named: dict[str, set[str]] = field(default_factory=dict)
+    """What a module may import by name: most modules are sources of many parts."""
 
     @classmethod
     def here(cls) -> Sources:
@@ -105,7 +107,9 @@ class Sources:
             module = waiting.pop()
             above = module.rpartition(".")[0]  # a package is imported before its modules
             imported = self.graph.find_modules_directly_imported_by(module)
-            for each in {*imported, *([above] if above else []), *self._by_name(module)}:
+            if module not in self._named:
+                self._named[module] = self._by_name(module)
+            for each in {*imported, *([above] if above else []), *self._named[module]}:
                 if each not in reached and each.partition(".")[0] in roots:
                     reached.add(each)
                     waiting.append(each)
