@@ -267,6 +267,13 @@ def test_zeros_of_a_driver_that_does_not_know_the_angles_are_left_out(real, rows
     assert len(log.time) == len(t) - count and "angles that the driver did not know" in log.note
 
 
+def test_poses_that_are_held_over_many_rows_are_known():
+    t = 0.001 * np.arange(5000)
+    q = np.column_stack([1.5 * np.sin(2 * np.pi * 0.3 * t + axis) for axis in range(6)])[np.arange(5000) // 100 * 100]
+    q -= q[2500]  # the arm passes zero
+    assert log_with(t, q).note == ""
+
+
 def test_times_in_minutes_are_refused(real):
     t, q = real
     with pytest.raises(InputError, match=r"times as fast as its limit .* in minutes"):
