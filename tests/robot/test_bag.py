@@ -199,7 +199,7 @@ def test_the_keys_that_a_refusal_names_choose_one_arm(tmp_path, topics):
 
 def test_only_names_that_the_bag_has_are_advised(tmp_path):
     robot = load_description("kinova_gen3")
-    with pytest.raises(InputError, match="joints = ..FIRST"):
+    with pytest.raises(InputError, match=r"joints = ..FIRST"):
         arm_states(tmp_path, robot, [LogColumns(format="ros")], {"/a": bag_states([f"x_{robot.joint[0].name}", "foo"])})
 
 
