@@ -75,3 +75,15 @@ def quadratic_form(V: Floats, u: Floats, tolerance: float = 1e-9) -> tuple[Float
     kept = values > tolerance * max(float(values[-1]), 1e-300)
     turned = (u / scale) @ vectors[:, kept]
     return np.asarray((turned**2 / values[kept]).sum(axis=-1)), int(kept.sum())
+
+
+def running_line(time: Floats, index: Floats, reach: int, row_s: float) -> Floats:
+    """[T] value at each row of the straight line of stamps over row numbers [T] of the rows within `reach` numbers."""
+    index = index - index[0]
+    off = time - time[0] - row_s * index
+    first, last = np.searchsorted(index, index - reach), np.searchsorted(index, index + reach, side="right")
+    sums = [np.concatenate([[0.0], np.cumsum(each)]) for each in (index * 0 + 1, index, index**2, off, off * index)]
+    n, s1, s2, t0, t1 = (each[last] - each[first] for each in sums)
+    spread = n * s2 - s1**2
+    slope = np.where(spread > 0.5, (n * t1 - s1 * t0) / np.maximum(spread, 0.5), 0.0)
+    return np.asarray(time[0] + row_s * index + (t0 - slope * s1) / n + slope * index)

@@ -1,18 +1,21 @@
 """Times with too few digits: rows that share a stamp are put at even distances where their rate is regular.
 
 A logger that writes 100 rows a second with one decimal gives ten rows each stamp. Which came first is known from
-their order, and how far apart they are from their number: a straight line of time over row number goes through the
-stamps. Whether the logger cut the digits off or rounded them is not known, so that all rows together may be early or
-late by a quarter of a stamp's width.
+their order, and how far apart they are from their number: a line of time over row number goes through the stamps. It
+bends, for the rate of a controller drifts. Whether the logger cut the digits off or rounded them is only seen where the
+number of digits changes within the rows; otherwise all rows together may be early or late by a quarter of a stamp's
+width. Rows that come at the same places of each stamp leave half a row more in doubt.
 """
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
 
 from acqd.arrays import Floats
+from acqd.numerics import running_line
 
 _FEW = 0.005
 """Share of rows with another row's stamp up to which they are single faults, not digits that are missing."""
@@ -22,6 +25,13 @@ _WIDER = 1.5
 """Usual time between stamps beyond which rows are missing."""
 _IRREGULAR = 0.02
 """Share of stamps that may be off the line."""
+_REACH_S, _LEAST_REACH, _REACH = 0.8, 2, 8
+"""Span on either side through which the line goes, and its least and largest number of stamps. A rate drifts by less
+than a row in it."""
+_DRIFTS = 1.5
+"""Spread of the stamps around a straight line, in rows, from which on the rate drifts; one row at an even rate."""
+_CLEAR = 0.125
+"""Distance from cut or rounded digits, over the width of the stamps, within which rows with more digits decide."""
 _LEAST_STAMPS = 4
 _WINDOW = 25
 """Stamps on either side by which a change of the number of rows per stamp is seen."""
@@ -41,11 +51,15 @@ class Rebuilt:
     """Width of the widest stamps."""
     wander_s: float = 0.0
     """Distance of 95 % of the stamps from the line, beyond a row: the rate is not quite even."""
+    phase_s: float = 0.0
+    """How far the first row of a stamp may be from the middle of the row that it may begin in."""
+    rounded: bool | None = None
+    """Whether the logger rounded the times, or cut their digits off; None: the rows do not tell."""
 
     @property
     def error_s(self) -> float:
         """By how much all times may be wrong together: the logger may have rounded or cut off."""
-        return self.stamp_s / 4 + self.wander_s
+        return (self.stamp_s / 4 if self.rounded is None else 0.0) + self.wander_s + self.phase_s
 
     def sentence(self) -> str:
         """What a user should know."""
@@ -75,31 +89,81 @@ def rebuilt_times(time: Floats, shared: int) -> Rebuilt | None:
     gap = (width > (rows + _APART) * row_s) & (width > _WIDER * _running_median(width))
     level = np.rint(np.log2(_running_median(rows.astype(np.float64))))
     ends = np.flatnonzero(gap | (np.diff(level, append=level[-1]) != 0)) + 1
-    times = np.empty(len(time))
-    distances: list[Floats] = []
-    stamp_s = 0.0
+    # the first stamp with fewer digits is begun in its middle too: it belongs to those behind it
+    short = np.diff(ends, prepend=0) < _LEAST_STAMPS
+    ends = ends[gap[ends - 1] | ~short | (np.append(0, ends[:-1]) == 0)]
+    lines: list[_Line] = []
     for start, end in zip([0, *ends.tolist()], [*ends.tolist(), len(first)], strict=True):
         at, stamps = first[start:end], time[first[start:end]]
         last = first[end] if end < len(first) else len(time)
-        numbers = np.arange(at[0], last)
         usual = float(np.median(rows[start:end])) if start < len(rows) else 1.0
-        slope = row_s
-        if usual > 1 and len(at) > 1 and (start == 0 or gap[start - 1]):
+        joined = start > 0 and not gap[start - 1]
+        if usual > 1 and len(at) > 1:
             at, stamps = at[1:], stamps[1:]  # the first rows may have begun anywhere within their stamp
-        if len(at) >= _LEAST_STAMPS:
-            fitted = float(np.polyfit(at - at[0], stamps - stamps[0], 1)[0])
-            slope = fitted if abs(fitted / row_s - 1) < 0.2 else row_s
-        line = float(np.mean(stamps - slope * at))
         wide_s = float(np.median(width[start:end])) if usual > 1 else 0.0
-        distances.append(np.abs(stamps - line - slope * at) / slope)
-        # cut off, the first row of a stamp is half a row behind the stamp; rounded, half a stamp before that
-        times[numbers] = line + slope * numbers + (slope / 2 - wide_s / 4 if wide_s else 0.0)
-        stamp_s = max(stamp_s, wide_s)
-    rows_off = np.concatenate(distances)
-    if (rows_off > max(_APART, stamp_s / row_s / 2)).mean() > _IRREGULAR:
+        lines.append(_line(np.arange(first[start], last), at, stamps, usual, row_s, wide_s, joined=bool(joined)))
+    off_s = np.concatenate([line.off for line in lines])
+    if (np.abs(off_s) > _APART * row_s).mean() > _IRREGULAR:
         return None
-    wander_s = max(float(np.percentile(rows_off, 95)) - 1.0, 0.0) * row_s
-    return Rebuilt(np.maximum.accumulate(times + 1e-9 * np.arange(len(times))), shared, row_s, stamp_s, wander_s)
+    wander_s = max(float(np.percentile(np.abs(off_s), 95)) - row_s, 0.0)
+    widest = max(lines, key=lambda line: line.wide_s)
+    phase_s = (row_s - float(np.ptp(np.percentile(widest.off, [5, 95]))) / 0.9) / 2 if widest.wide_s else 0.0
+    rounded = _rounded(lines)
+    share = {None: 0.25, True: 0.5, False: 0.0}[rounded]
+    times = np.concatenate([line.times - share * line.wide_s for line in lines])
+    rising = np.maximum.accumulate(times + 1e-9 * np.arange(len(times)))
+    return Rebuilt(rising, shared, row_s, widest.wide_s, wander_s, max(phase_s, 0.0), rounded)
+
+
+@dataclass(frozen=True, slots=True)
+class _Line:
+    """Rows of one number of digits without a gap."""
+
+    times: Floats
+    """[rows] s, as if the digits had been cut off."""
+    off: Floats
+    """[stamps] s: distance of the stamps from the line."""
+    wide_s: float
+    """Width of the stamps; 0 where each row has its own."""
+    joined: bool
+    """Whether the rows go on from those before without a gap."""
+
+
+def _line(
+    rows: np.ndarray, at: np.ndarray, stamps: Floats, usual: float, row_s: float, wide_s: float, *, joined: bool
+) -> _Line:
+    """Times of `rows` by the line through `stamps` [s] of the rows `at`; `usual` rows have one stamp."""
+    reach = int(np.clip(round(_REACH_S / wide_s), _LEAST_REACH, _REACH)) if wide_s else _REACH
+    if len(at) < _LEAST_STAMPS:
+        points = row_s * (at - at[0]) + np.mean(stamps - row_s * (at - at[0]))
+        first_s = last_s = row_s
+    else:
+        slope, start_s = np.polyfit(at - at[0], stamps - stamps[0], 1)
+        points = stamps[0] + start_s + slope * (at - at[0])
+        if np.ptp(np.percentile(stamps - points, [5, 95])) > _DRIFTS * row_s:
+            points = running_line(stamps, at.astype(np.float64), round(reach * usual), row_s)
+        slopes = np.diff(points) / np.diff(at)
+        first_s, last_s = float(slopes[:reach].mean()), float(slopes[-reach:].mean())
+    times = np.interp(rows, at, points)
+    times += first_s * np.minimum(rows - at[0], 0) + last_s * np.maximum(rows - at[-1], 0)
+    # cut off, the first row of a stamp is half a row behind the stamp; rounded, half a stamp before that
+    return _Line(times + (row_s / 2 if wide_s else 0.0), stamps - points, wide_s, joined)
+
+
+def _rounded(lines: list[_Line]) -> bool | None:
+    """Whether times were rounded or cut off, by rows that go on with fewer digits; None where none tell clearly."""
+    votes = []
+    for before, after in itertools.pairwise(lines):
+        fine, coarse = (before, after) if before.wide_s < after.wide_s else (after, before)
+        if not after.joined or 2 * fine.wide_s > coarse.wide_s or min(len(before.off), len(after.off)) < _REACH:
+            continue
+        step_s = float(np.median(np.diff(after.times[: len(after.times) // 2 + 2])))
+        late = float(after.times[0] - before.times[-1] - step_s) * (1 if coarse is after else -1)
+        share = late / (coarse.wide_s - fine.wide_s) if fine.wide_s else late / coarse.wide_s
+        if min(abs(share), abs(share - 0.5)) > _CLEAR:
+            return None
+        votes.append(share > 0.25)
+    return votes[0] if votes and len(set(votes)) == 1 else None
 
 
 def _row_time(rows: np.ndarray, width: Floats) -> float:

@@ -12,6 +12,7 @@ import shutil
 import signal
 import socket
 import subprocess
+import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import wraps
@@ -165,10 +166,17 @@ def _postgres_bin() -> Path:
 
 
 @pytest.fixture(scope="session")
-def postgres_server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """URL prefix of a private PostgreSQL server; databases are made per test."""
+def postgres_server() -> Iterator[str]:
+    """URL prefix of a private PostgreSQL server; databases are made per test.
+
+    Its folder is not one of pytest's: another session that starts closes those to the user postgres.
+    """
+    with tempfile.TemporaryDirectory(prefix="acqd-postgres-", ignore_cleanup_errors=True) as folder:
+        yield from _postgres_in(Path(folder))
+
+
+def _postgres_in(folder: Path) -> Iterator[str]:
     programs = _postgres_bin()
-    folder = tmp_path_factory.mktemp("postgres")
     port = free_port()
     as_user: dict[str, object] = {}
     if os.geteuid() == 0:  # PostgreSQL refuses to run as root

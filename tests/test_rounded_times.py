@@ -43,3 +43,34 @@ def test_rows_of_an_irregular_rate_are_not_invented():
 def test_rows_that_were_written_twice_share_no_stamp():
     written = np.repeat(np.arange(1000) * 0.01, 2)
     assert shared_stamps(written, np.tile([False, True], 1000)[:-1]) == 0
+
+
+@pytest.mark.parametrize("width", [0.1, 1.0])
+@pytest.mark.parametrize("cut", [False, True])
+def test_a_rate_that_drifts_bends_the_line(width, cut):
+    row_s = 0.0105 + 0.0001 * np.sign(np.sin(np.arange(4000) / 600)) + np.random.default_rng(1).normal(0, 8e-4, 4000)
+    true = 1000.003 + np.cumsum(row_s)
+    written = stamps(true, width, cut)
+    rebuilt = rebuilt_times(written, shared_stamps(written, np.ones(len(true) - 1, bool)))
+    assert rebuilt is not None
+    off = rebuilt.time - true
+    assert np.abs(off - off.mean()).max() < 0.02
+    assert abs(off.mean()) < rebuilt.error_s + 0.002
+
+
+@pytest.mark.parametrize("phase", [0.0, 0.4, 0.9])
+def test_rows_at_the_same_places_of_each_stamp_leave_half_a_row_in_doubt(phase):
+    true = 1000 + 0.01 * (np.arange(3000) + phase)
+    written = stamps(true, 0.1, cut=True)
+    rebuilt = rebuilt_times(written, shared_stamps(written, np.ones(len(true) - 1, bool)))
+    assert rebuilt is not None and rebuilt.error_s == pytest.approx(0.03, abs=5e-4)
+    assert np.abs(rebuilt.time - true).max() < rebuilt.error_s
+
+
+@pytest.mark.parametrize("cut", [False, True])
+def test_more_digits_at_the_beginning_tell_whether_the_later_ones_were_cut_off(cut):
+    true = 5.003 + 0.0107 * np.arange(4000)
+    written = np.where(true < 10, stamps(true, 0.001, cut), stamps(true, 0.1, cut))
+    rebuilt = rebuilt_times(written, shared_stamps(written, np.ones(len(true) - 1, bool)))
+    assert rebuilt is not None and rebuilt.rounded is (not cut)
+    assert np.abs(rebuilt.time - true).max() < 0.015 > rebuilt.error_s

@@ -7,6 +7,7 @@ import logging
 import os
 import sys
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import NoReturn, TextIO
 
 from typer import Typer
@@ -14,6 +15,7 @@ from typer import Typer
 from acqd.cli.commands import command_tree
 from acqd.errors import OperationError, UserError
 
+_PROGRAM = Path(__file__).resolve().parents[1]
 _JOURNAL_LEVEL = {logging.DEBUG: 7, logging.INFO: 6, logging.WARNING: 4, logging.ERROR: 3, logging.CRITICAL: 2}
 
 
@@ -81,8 +83,7 @@ def for_people(work: Callable[[], object]) -> None:
     except OSError as error:
         if isinstance(error, BrokenPipeError):
             _end_quietly()
-        where = f"{error.filename}: " if error.filename else ""
-        print(f"acqd: {where}{error.strerror or error}", file=sys.stderr)
+        print(f"acqd: {_named(error)}", file=sys.stderr)
         sys.exit(1)
     except KeyboardInterrupt:
         sys.exit(130)
@@ -91,6 +92,20 @@ def for_people(work: Callable[[], object]) -> None:
             raise
         print(f"acqd: {line}", file=sys.stderr)
         sys.exit(2)
+
+
+def _named(error: OSError) -> str:
+    """What the system says, with the file; without one, with the step of acqd that has met it."""
+    what = error.strerror or str(error) or type(error).__name__
+    if error.filename is not None:
+        return f"{error.filename}: {what}"
+    import traceback  # only here: it is slow to import
+
+    ours = [frame for frame in traceback.extract_tb(error.__traceback__) if _PROGRAM in Path(frame.filename).parents]
+    if not ours:
+        return what
+    file, step = Path(ours[-1].filename), ours[-1]
+    return f"{what}, in {step.name} ({file.relative_to(_PROGRAM.parent)}, line {step.lineno})"
 
 
 def _unanswered(error: Exception) -> str | None:

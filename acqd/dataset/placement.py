@@ -131,8 +131,12 @@ class _Placer:
 
     def placed(self, lags: list[Lag], judge: Judge | None, judgements: list[Judgement | None]) -> Alignment:
         """The placements by clock line or own lags."""
-        line = fit_line(self.middles, lags)
-        placements = [_decide(lag, float(middle), line) for lag, middle in zip(lags, self.middles, strict=True)]
+        doubted = self._doubted(lags)
+        line = fit_line(self.middles, doubted)
+        placements = [
+            replace(_decide(judged, float(middle), line), own=lag)
+            for judged, lag, middle in zip(doubted, lags, self.middles, strict=True)
+        ]
         if judge is not None:
             for k, placement in enumerate(placements):
                 if placement.method == "own" and line is not None:
@@ -144,6 +148,14 @@ class _Placer:
         within_s = NORMAL_95 * self.supply.error_s
         notes = step_notes(line, self.names) + supply_notes([p.within_s or 0.0 for p in placements], self.supply)
         return Alignment(placements, line, self.supply.seconds, within_s, notes)
+
+    def _doubted(self, lags: list[Lag]) -> list[Lag]:
+        """Lags with errors that say which logs have worse stamps than the others, by which they may leave the line."""
+        least_s = min(self.stamps_s, default=0.0)
+        beyond = [(stamp_s - least_s) / np.sqrt(3) for stamp_s in self.stamps_s]  # as if each were equally likely
+        return [
+            replace(lag, error_s=float(np.hypot(lag.error_s, more_s))) for lag, more_s in zip(lags, beyond, strict=True)
+        ]
 
     def _with_interval(self, k: int, placement: Placement, line: ClockLine | None) -> Placement:
         """The placement with its uncertainty, which is announced here if the recording itself causes it."""

@@ -16,7 +16,13 @@ from acqd.arrays import Floats
 from acqd.dataset.local_clock import LocalClock
 from acqd.dataset.power_source import PowerRows
 from acqd.dataset.power_sql import read_database
-from acqd.dataset.power_values import no_value_note, no_values, range_note, refreshed_every
+from acqd.dataset.power_values import (
+    interpolated_every,
+    no_value_note,
+    no_values,
+    range_note,
+    refreshed_every,
+)
 from acqd.errors import InputError, UserError
 from acqd.robot.row_clock import even_times
 from acqd.rounded_times import rebuilt_times, shared_stamps
@@ -73,6 +79,8 @@ class PowerStream:
     """What the user should know about the times of the rows."""
     stamp_error_s: float = 0.0
     """By how much all times may be wrong together, because their digits were cut off or rounded."""
+    coarse: bool = False
+    """Whether most rows were made between measured ones, so that fast changes are lost."""
 
     def part(self, begin_ns: int, end_ns: int) -> slice:
         """Rows whose windows start from `begin_ns` up to, not including, `end_ns`."""
@@ -152,9 +160,20 @@ def _spool(origin: str, blocks: Iterator[PowerRows], clock: LocalClock) -> Power
     if len(known) >= _SAMPLE and (changes >= 0).all() and (changes > 0).mean() > _RISES:
         raise InputError(origin, "P never falls: is it the register of an energy? Expected the power of each row, W")
     measured: Measured = next((label for label in _LABELS if label in flags), "mains")
-    stamp_error_s += _doubt_values(origin, mapped["P"], window_ns, notes)
+    repeated_s = _doubt_values(origin, mapped["P"], window_ns, notes)
+    made_s = 0.0 if repeated_s else _made_rows(origin, mapped["P"], window_ns, notes)
+    stamp_error_s += repeated_s + made_s
     return PowerStream(
-        time_ns, mapped["P"], mapped["Vrms"], window_ns, dropped, measured, origin, tuple(notes), stamp_error_s
+        time_ns,
+        mapped["P"],
+        mapped["Vrms"],
+        window_ns,
+        dropped,
+        measured,
+        origin,
+        tuple(notes),
+        stamp_error_s,
+        made_s > 0,
     )
 
 
@@ -175,6 +194,23 @@ def _doubt_values(origin: str, P: Floats, window_ns: int, notes: list[str]) -> f
         f"power is up to so much late, and fast changes are lost; ask it every {refresh_s:.2g} s, or use a faster meter"
     )
     return refresh_s / 2
+
+
+def _made_rows(origin: str, P: Floats, window_ns: int, notes: list[str]) -> float:
+    """By how much all times may be wrong [s] where most rows were made by straight lines between measured ones.
+
+    The measured rows are means over a longer window than that of a row; where in it their time lies is not known.
+    """
+    rows = interpolated_every(P)
+    if rows == 1:
+        return 0.0
+    row_s = window_ns * 1e-9
+    notes.append(
+        f"power {origin}: the power changes along straight lines of {rows} rows: rows were made between measured ones "
+        f"every {rows * row_s:.2g} s, and all times may be off by {1000 * (rows - 1) * row_s / 2:.0f} ms; give the "
+        "rows of the meter as they are"
+    )
+    return (rows - 1) * row_s / 2
 
 
 def _even_out(origin: str, time_ns: Nanoseconds, notes: list[str]) -> float:

@@ -1,7 +1,8 @@
 """What values of power say about the meter: "not measured" written as a number, values that are repeated, wrong units.
 
 A meter that has no value writes 0, -1, 9999 or the largest integer; such a number stands alone, far below or above all
-others, and always is the same. A meter that is asked more often than it has new values repeats the last one.
+others, and always is the same. A meter that is asked more often than it has new values repeats the last one; software
+that puts its rows on a finer grid joins them by straight lines.
 """
 
 from __future__ import annotations
@@ -33,6 +34,13 @@ _STEPS = 3.0
 _FEWEST_CHANGES = 30
 _HELD = 0.7
 """Share of the changes that are followed by the same value at least once, and of the runs of the usual length."""
+_STRAIGHT_STEPS, _STRAIGHT_SHARE = 2.5, 1e-6
+"""Steps of the written power, and share of its range, up to which three values in turn are on a straight line."""
+_CORNER = 5.0
+"""Times as much, from which on they make a corner."""
+_STRAIGHT = 0.95
+"""Share of the corners of one or two rows, and of those at the usual distance, from which on the rows between were
+made."""
 _SAMPLE_ROWS = 200_000
 _MOST_OF_RATED = 5.0
 """Median power over that of all joints at their rated efforts and speeds."""
@@ -108,6 +116,33 @@ def refreshed_every(P: Floats) -> int:
     if usual.mean() < _HELD or len(np.unique(known[changed + 1])) < _FEWEST_CHANGES:
         return 1
     return max(round(float(np.mean(after))), 2)
+
+
+def interpolated_every(P: Floats) -> int:
+    """Rows between measured ones where the others lie on straight lines between these; 1 if each row was measured."""
+    known = P[np.isfinite(P)][:_SAMPLE_ROWS]
+    distinct = np.unique(known)
+    if len(distinct) < _FEWEST_CHANGES:
+        return 1
+    straight_W = max(_STRAIGHT_STEPS * float(np.diff(distinct).min()), _STRAIGHT_SHARE * float(np.ptp(distinct)))
+    bend = np.abs(np.diff(known, 2))
+    corners = runs_of_true(bend > straight_W)
+    clear = np.array([bend[start:end].max() > _CORNER * straight_W for start, end in corners], bool)
+    if clear.sum() < _FEWEST_CHANGES:
+        return 1
+    # a measured value that lies between two rows bends both
+    narrow = np.array([end - start <= 2 for start, end in corners])
+    apart = np.diff([start for start, _ in corners])[clear[:-1] & clear[1:]]  # from a clear corner to the next
+    if narrow[clear].mean() < _STRAIGHT or len(apart) < _FEWEST_CHANGES:
+        return 1
+    usual = float(np.median(apart))
+    return round(float(np.mean(apart[apart < 1.5 * usual]))) if usual >= 3 and _regular(apart, usual) else 1
+
+
+def _regular(apart: NDArray[np.int64], usual: float) -> bool:
+    """Whether distances in rows are the usual one, or twice that where a corner is too small to be seen."""
+    off = np.minimum(np.abs(apart - usual), np.abs(apart - 2 * usual) / 2)
+    return bool((off <= 1).mean() >= _STRAIGHT)
 
 
 def large_power(P: Floats, robot: RobotDescription) -> str:

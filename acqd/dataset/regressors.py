@@ -21,7 +21,6 @@ from acqd.errors import InputError
 from acqd.robot.description import RobotDescription
 from acqd.robot.inertia import inverse_dynamics
 from acqd.robot.log import RobotLog, in_time
-from acqd.robot.row_clock import LateStamps
 
 TorqueSource = Literal["measured", "model", "current"]
 """Joint torques from sensors, from the description's inverse dynamics, or motor currents instead of torques."""
@@ -130,8 +129,9 @@ def regressors_of(log: RobotLog, robot: RobotDescription, torque: TorqueSource |
         columns.append(_brake_columns(np.interp(grid, time, log.signals["brake"][rows])))
         events = columns[-1].shape[1]
     known = _known(grid, time)
-    smoothing, late = log.quality.smoothing, isinstance(log.quality.rebuilt, LateStamps)
-    coarse = late or (smoothing is not None and smoothing.coarse)  # times put right are as unsure as a supply's lag
+    smoothing = log.quality.smoothing
+    # times put right are as unsure as a supply's lag: the scatter that is left in them looks like a longer one
+    coarse = log.quality.rebuilt is not None or (smoothing is not None and smoothing.coarse)
     return Regressors(
         float(time[0]), np.column_stack(columns), power, essential, events, known, log.quality.age_error_s, coarse
     )

@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 
 from acqd.errors import InputError
 from acqd.parquet_size import check_size
+from acqd.robot.labels import from_numbers
+from acqd.robot.log_layout import LABELS
 
 TIME = "time"
 _UNITS = {
@@ -62,8 +64,14 @@ def read_columns(file: Path) -> dict[str, NDArray[Any]]:
 
 
 def columns_of(table: pa.Table) -> dict[str, NDArray[Any]]:
-    """The columns [T] of a recording, its time as `time_ns` (int64), which is how earlier versions stored it."""
+    """The columns [T] of a recording, its time as `time_ns` (int64), which is how earlier versions stored it.
+
+    Labels are text; earlier versions stored numbers.
+    """
     columns = {name: table[name].to_numpy() for name in table.column_names if name != TIME}
+    for name in columns.keys() & set(LABELS):
+        if columns[name].dtype != object:
+            columns[name] = from_numbers(columns[name])
     if TIME in table.column_names:
         columns["time_ns"] = table[TIME].cast(UTC_NS).cast(pa.int64()).to_numpy()
     return columns

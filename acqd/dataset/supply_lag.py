@@ -28,7 +28,7 @@ _UNKNOWN_ERROR_S = 0.01  # of USUAL_LAG_S
 _FEW_RECORDINGS = 6
 """Fewer leave the supply's lag as uncertain as a usual one: the regression errs by another amount on each motion. With
 three real ones of a UR10e the lag is 20 ms too long."""
-_COARSE_ERROR_S = 0.015  # of USUAL_LAG_S, where only smoothed motion tells the lags
+_COARSE_ERROR_S = 0.02  # of USUAL_LAG_S, where only smoothed motion, or power, tells the lags
 _MAX_RECORDINGS = 16
 _MIN_RECORDINGS = 3
 _FIRST_STEPS, _STEPS = 8, 3
@@ -71,7 +71,9 @@ def supply_lag(
     scale_W = min(fit.scale_W for fit in fits)
     inflation = float(np.median([fit.inflation for fit in fits]))
     mean, error, at_end = _posterior(np.array([biweight_loss(fit.residual, scale_W) / inflation for fit in fits]))
-    if any(regressors[k].coarse for k in chosen):  # what the smoothing hides looks like a longer supply lag
+    if power.coarse or any(
+        regressors[k].coarse for k in chosen
+    ):  # what the smoothing hides looks like a longer supply lag
         mean, error, at_end = USUAL_LAG_S, _COARSE_ERROR_S, False
     misfit = _MODEL_ERROR_S if len(chosen) >= _FEW_RECORDINGS else _UNKNOWN_ERROR_S
     error = float(np.hypot(error, _LONGEST_S / 3 if at_end else misfit))

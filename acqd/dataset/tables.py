@@ -27,6 +27,7 @@ from acqd.dataset.split import with_split
 from acqd.dataset.table_motion import require_power, trusted_motion, without_unusable
 from acqd.errors import UserError
 from acqd.robot.description import RobotDescription, load_description
+from acqd.robot.labels import from_cells
 from acqd.robot.log_ends import sentence, unknown_ends
 from acqd.robot.log_layout import LABELS
 from acqd.robot.motion import MotionQuality
@@ -190,7 +191,9 @@ def _recording(name: str, rows: pa.Table, robot: RobotDescription) -> tuple[Reco
         raise UserError(
             f"recording {name}: row {row} is not {step_ns * 1e-9:.6g} s after the row before; resample it to one step"
         )
-    columns = {name: _numbers(name, rows) for name in rows.column_names if name not in _IGNORED and _used(name, rows)}
+    used = [name for name in rows.column_names if name not in _IGNORED and _used(name, rows)]
+    columns = {name: _numbers(name, rows) for name in used if name not in LABELS}
+    labels = {name: from_cells(rows[name].to_pylist()) for name in used if name in LABELS}
     essential = [columns["P"], *(columns[f"q{k + 1}"] for k in range(robot.axes))]
     valid = np.asarray(np.isfinite(np.array(essential)).all(axis=0))
     if "valid" in rows.column_names:
@@ -206,7 +209,8 @@ def _recording(name: str, rows: pa.Table, robot: RobotDescription) -> tuple[Reco
     ends = valid & unknown_ends(q, known, step_ns * 1e-9)
     valid &= known & ~ends
     context = known & ~valid
-    recording = Recording(name, time_ns, columns, valid, context if context.any() else None, int(ends.sum()))
+    known_angles = context if context.any() else None
+    recording = Recording(name, time_ns, columns, valid, known_angles, int(ends.sum()), labels)
     return recording, step_ns, quality
 
 
@@ -224,6 +228,7 @@ def _flags(rows: pa.Table) -> NDArray[np.bool_]:
 def _used(name: str, rows: pa.Table) -> bool:
     """Whether a column is kept: words in a column that no part of acqd reads do not matter."""
     kind = rows.schema.field(name).type
+    kind = kind.value_type if pa.types.is_dictionary(kind) else kind
     words = pa.types.is_string(kind) or pa.types.is_large_string(kind) or pa.types.is_temporal(kind)
     return not words or unit_of(name) is not None or name in LABELS
 

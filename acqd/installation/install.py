@@ -75,7 +75,10 @@ def make_user(wanted: Wanted, root: Root) -> None:
 def require_broker(root: Root) -> None:
     """Raises UserError where there is no mosquitto whose users could be made."""
     if root.group("mosquitto") is None:
-        raise UserError("mosquitto is not installed: apt-get install mosquitto, or --no-broker for a broker elsewhere")
+        where = "" if root.live else f" below {root.folder}"
+        raise UserError(
+            f"mosquitto is not installed{where}: apt-get install mosquitto, or --no-broker for a broker elsewhere"
+        )
 
 
 def running(root: Root, services: Sequence[str]) -> list[str]:

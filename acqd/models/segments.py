@@ -17,7 +17,7 @@ from acqd.dataset.split import Part
 from acqd.errors import UserError
 from acqd.models.features import continued, derivatives
 from acqd.numerics import runs_of_true
-from acqd.robot.labels import Texts, from_numbers
+from acqd.robot.labels import Texts
 from acqd.robot.log_layout import LABELS
 
 _MIN_S = 2.0
@@ -145,7 +145,7 @@ def _segments(file: Path, entry: dict[str, object], step_s: float) -> list[Segme
     return segments_of(read_columns(file), entry, step_s)
 
 
-def segments_of(columns: dict[str, Floats], entry: dict[str, object], step_s: float) -> list[Segment]:
+def segments_of(columns: dict[str, NDArray[Any]], entry: dict[str, object], step_s: float) -> list[Segment]:
     """Segments of at least 2 s of merged columns; `entry` gives name, source, kind and split of the recording."""
     axes = sum(1 for name in columns if name[0] == "q" and name[1:].isdigit())
     q = np.column_stack([columns[f"q{k + 1}"] for k in range(axes)])
@@ -177,16 +177,11 @@ def segments_of(columns: dict[str, Floats], entry: dict[str, object], step_s: fl
                 before,
                 after,
                 content,
-                labels={name: labels[rows] for name in LABELS if (labels := _texts(columns.get(name))) is not None},
+                labels={name: columns[name][rows] for name in LABELS if name in columns},
                 lag_within_s=float(entry.get("lag_within_s") or 0.0),  # type: ignore[arg-type]
             )
         )
     return segments
-
-
-def _texts(column: NDArray[Any] | None) -> Texts | None:
-    """Labels [T]; earlier versions stored numbers."""
-    return column if column is None or column.dtype == object else from_numbers(column)
 
 
 def content_of(columns: dict[str, Floats], q: Floats) -> str:

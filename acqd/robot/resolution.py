@@ -108,8 +108,11 @@ class Smoothing:
 
     @property
     def age_error_s(self) -> float:
-        """By how much all times may be wrong together: cut off, they are half a step early."""
-        return self.time_step_s / 2
+        """By how much all times may be wrong together.
+
+        Cut off, they are half a step early; where two rows have one stamp, the row that is used differs by as much.
+        """
+        return self.time_step_s
 
     def sentence(self) -> str:
         """What a user should know."""

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acqd.arrays import Floats
-from acqd.numerics import mad_sigma, runs_of_true
+from acqd.numerics import mad_sigma, running_line, runs_of_true
 
 _AROUND = 4
 """Rows on either side that tell the usual way and step."""
@@ -263,25 +263,13 @@ def even_times(
     reach = max(round(window_s / 2 / row_s), 8)
     ends = np.flatnonzero(pauses) + 1
     out = np.concatenate(
-        [_line(time[start:end], index[start:end], reach, row_s)
+        [running_line(time[start:end], index[start:end], reach, row_s)
          for start, end in zip([0, *ends.tolist()], [*ends.tolist(), len(time)], strict=True)]
     )  # fmt: skip
     late = time - out
     earliest = float(np.quantile(late, _EARLIEST))
     out = np.maximum.accumulate(out + min(earliest, 0.0) + 1e-9 * np.arange(len(out)))
     return LateStamps(out, max(-earliest, 0.0), float(np.quantile(late, 0.95)) - earliest, row_s)
-
-
-def _line(time: Floats, index: Floats, reach: int, row_s: float) -> Floats:
-    """[T] value at each row of the straight line of stamps over row numbers [T] of the rows within `reach` numbers."""
-    index = index - index[0]
-    off = time - time[0] - row_s * index
-    first, last = np.searchsorted(index, index - reach), np.searchsorted(index, index + reach, side="right")
-    sums = [np.concatenate([[0.0], np.cumsum(each)]) for each in (index * 0 + 1, index, index**2, off, off * index)]
-    n, s1, s2, t0, t1 = (each[last] - each[first] for each in sums)
-    spread = n * s2 - s1**2
-    slope = np.where(spread > 0.5, (n * t1 - s1 * t0) / np.maximum(spread, 0.5), 0.0)
-    return np.asarray(time[0] + row_s * index + (t0 - slope * s1) / n + slope * index)
 
 
 def _missing(beyond: Floats, ways: _Ways) -> int:

@@ -76,6 +76,7 @@ def _read_parquet(path: Path, words: Collection[str]) -> Table:
     try:
         import pyarrow
         import pyarrow.parquet
+        import pyarrow.types
     except ModuleNotFoundError:
         raise UserError(f"{path}: Parquet needs pyarrow: pip install 'acqd[data]'") from None
     try:
@@ -89,7 +90,11 @@ def _read_parquet(path: Path, words: Collection[str]) -> Table:
         raise InputError(path, "has no rows of numbers")
     names: list[str] = table.schema.names
     columns = [_numbers(path, name, column) for name, column in zip(names, table.columns, strict=True)]
-    texts = {k: from_cells(table.column(k).to_pylist()) for k, name in enumerate(names) if name in words}
+    texts = {
+        k: from_cells(table.column(k).to_pylist())
+        for k, name in enumerate(names)
+        if name in words and not pyarrow.types.is_nested(table.column(k).type)
+    }
     return Table(names, np.column_stack(columns), np.arange(1, len(table) + 1), words=texts)
 
 

@@ -163,10 +163,10 @@ class _Layout:
     def table(self, numbered: list[tuple[int, str]]) -> Table:
         lines = np.array([number for number, _ in numbered])
         values = self._plain([line for _, line in numbered])
-        if values is not None:
-            return Table(self.header, values, lines, words={k: from_numbers(values[:, k]) for k in self.words})
+        if values is not None and not self.words:
+            return Table(self.header, values, lines)
         rows = [_split(line, self.separator) for _, line in numbered]
-        values, broken = self._cells(rows)
+        values, broken = (values, {}) if values is not None else self._cells(rows)
         words = {k: from_cells([self._cell(row[k]) for row in rows]) for k in self.words}
         return Table(self.header, values, lines, broken, words)
 

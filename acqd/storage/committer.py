@@ -18,6 +18,7 @@ import sqlalchemy as sa
 from acqd.retry import Backoff
 from acqd.storage.database import DatabaseAwayError, first_line, prepare
 from acqd.storage.received import Message
+from acqd.storage.url import shown
 from acqd.storage.writer import Writer, Written
 
 _log = logging.getLogger(__name__)
@@ -129,6 +130,8 @@ class Committer:
                 self._away(error.reason)
             except sa.exc.DBAPIError as error:
                 self._away(first_line(error))
+            except OSError as error:  # a disk or share in between: as little an end as what the database says
+                self._away(f"{shown(self._engine.url)}: {error.strerror or error}")
             else:
                 if self.trouble:
                     _log.warning("the database takes rows again")

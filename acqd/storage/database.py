@@ -39,6 +39,7 @@ _LIMITS = "; ".join(
 _OTHER_TABLES = ("no such table", "no such column")
 _OTHER_TABLES_STATES = ("42P01", "42703")
 """Undefined table and column: SQLite says it in words, PostgreSQL by SQLSTATE."""
+_RIGHTS = "give its role the right, or name another role in the URL (the sink's owns schema and tables)"
 _CONVERTED_AT_ONCE = 50_000
 """Rows of an earlier acqd that are moved into the layout of this one while somebody waits; the sink moves the rest."""
 MIGRATIONS = Path(__file__).parent / "migrations"
@@ -96,6 +97,8 @@ def prepare(engine: sa.Engine) -> None:
         reason, permanent = first_line(error), not is_outage(error)
         foreign = permanent and not isinstance(error, sa.exc.OperationalError)
         advice = "is it another program's file?" if foreign else _advice(engine)
+        if _lacks_rights(error):
+            advice = _RIGHTS
         message = f"database {shown(engine.url)}: {reason}; {advice}"
         raise (UserError(message) if permanent else DatabaseAwayError(message, reason)) from None
 
@@ -119,6 +122,8 @@ def unanswered(error: BaseException) -> str | None:
         return None
     reason, state = first_line(error), getattr(error.orig, "sqlstate", None)
     name = next(iter(getattr(error, "__notes__", ())), "database")
+    if _lacks_rights(error):
+        return f"{name}: {reason}; {_RIGHTS}"
     if reason.startswith(_OTHER_TABLES) or state in _OTHER_TABLES_STATES:
         return f"{name}: {reason}; it is no database of this version of acqd; a sink makes and upgrades the tables"
     if is_outage(error) or isinstance(error, sa.exc.OperationalError):
@@ -248,6 +253,11 @@ def _make_private(engine: sa.Engine) -> None:
     if engine.dialect.name == "sqlite" and path and path != ":memory:" and not Path(path).exists():
         with contextlib.suppress(OSError):  # SQLite says why
             os.close(private(path, os.O_CREAT | os.O_RDWR | os.O_CLOEXEC))
+
+
+def _lacks_rights(error: sa.exc.DBAPIError) -> bool:
+    """Whether PostgreSQL knows the role, and does not let it do this (SQLSTATE 42501)."""
+    return getattr(error.orig, "sqlstate", None) == "42501"
 
 
 def _advice(engine: sa.Engine) -> str:

@@ -86,7 +86,10 @@ class Guard:
         except (sa.exc.OperationalError, sa.exc.ProgrammingError) as error:
             if "no such table" not in str(error.orig) and getattr(error.orig, "sqlstate", "") != "42P01":
                 raise
-            raise self._away("its tables are gone: empty, or another one; restart the sink to have them made") from None
+            raise self._away(
+                "its tables are gone: empty, another one, or a schema that the role may not use; restart the sink to "
+                "have them made"
+            ) from None
         if self._identity is None:
             self._identity = identity
             self._number = mark.number if mark is not None else 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import shutil
 import subprocess
@@ -9,6 +10,8 @@ import sys
 
 import pytest
 
+from acqd.atomic import private
+from acqd.cli.main import for_people
 from acqd.telemetry.broker import EmbeddedBroker, free_port
 from tests.commands import ACQD, acqd, acqd_here, refused
 from tests.sources.files import write_csv
@@ -127,3 +130,21 @@ def test_the_daemon_starts_without_importing_sql():
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"
+
+
+def test_an_error_of_the_system_says_where_it_was_met(tmp_path, monkeypatch, capsys):
+    """A bare "Invalid argument" helps nobody: the line names the file, else the step."""
+
+    def lost(*_: object) -> None:
+        raise OSError(errno.EINVAL, os.strerror(errno.EINVAL))
+
+    for work, words in (
+        (lambda: (tmp_path / "none").read_bytes(), [f"{tmp_path / 'none'}: No such file"]),
+        (lambda: private("x", 0), ["Invalid argument", "in private (acqd/atomic.py, line "]),
+        (lost, ["Invalid argument", "in for_people"]),
+    ):
+        with monkeypatch.context() as patch, pytest.raises(SystemExit) as end:
+            patch.setattr(os, "open", lost)
+            for_people(work)
+        said = capsys.readouterr().err
+        assert end.value.code == 1 and said.count("\n") == 1 and all(word in said for word in words), said

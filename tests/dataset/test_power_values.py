@@ -7,7 +7,7 @@ from acqd.dataset.align import Lag
 from acqd.dataset.build import _require_placements
 from acqd.dataset.placement import Alignment, Placement
 from acqd.dataset.power import open_power, require_fast
-from acqd.dataset.power_values import large_power, no_values, range_note, refreshed_every
+from acqd.dataset.power_values import interpolated_every, large_power, no_values, range_note, refreshed_every
 from acqd.errors import InputError, UserError
 from acqd.robot.description import load_description
 
@@ -110,3 +110,22 @@ def test_places_that_few_logs_find_on_no_common_clock_are_refused():
     placements = [Placement(3.2, "own", lag), *[Placement(0.0, "refused", lag)] * 4]
     with pytest.raises(UserError, match=r"only 1 of 5 logs .* may be chance"):
         _require_placements(Alignment(placements, None, 0.015))
+
+
+@pytest.mark.parametrize("rows", [3.7, 4, 10])
+@pytest.mark.parametrize("digits", [3, 6])
+def test_rows_made_by_straight_lines_between_measured_ones_are_said(tmp_path, rows, digits):
+    at = np.arange(8000) / rows
+    made = np.interp(at, np.arange(3000), POWER).round(digits)[at < 3000]
+    stream = written(tmp_path, TIME[0] + 0.01 * np.arange(len(made)), made)
+    assert stream.coarse and "straight lines" in stream.notes[0]
+    assert stream.stamp_error_s == pytest.approx((round(rows) - 1) * 0.005)
+
+
+@pytest.mark.parametrize("digits", [0, 1, 2, 6])
+@pytest.mark.parametrize("noise_W", [0.0, 0.05, 0.5])
+def test_measured_rows_are_not_taken_for_made_ones(digits, noise_W):
+    t = 0.02 * np.arange(4000)
+    noise = np.random.default_rng(1).normal(0, noise_W, len(t)) if noise_W else 0.0
+    for P in (100 + 40 * np.sin(3 * t), 80 + 60 * np.abs(t % 2 - 1), 90 + 50 * np.clip(3 * np.sin(t), -1, 1)):
+        assert interpolated_every((P + noise).round(digits)) == 1

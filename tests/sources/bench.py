@@ -38,7 +38,9 @@ def wait_until_reachable(host: str, port: int) -> None:
     wait_for(answers, f"{host}:{port} listens")
 
 
-_LOST_REPLIES = re.compile("mailbox does not answer|does not reach|its objects say|cannot be mapped|did not keep")
+_LOST_REPLIES = re.compile(
+    "mailbox does not answer|does not reach|does not say what it is|its objects say|cannot be mapped|did not keep"
+)
 
 
 def connect_patiently(source: DeviceSource) -> None:

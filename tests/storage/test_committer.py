@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import sqlite3
 
 import pytest
@@ -54,6 +55,25 @@ def test_a_database_that_is_away_is_said_once_and_tried_again(engine, caplog, mo
     collect(committer, 1)
     assert count(engine) == 1 and not committer.trouble
     assert caplog.text.count("database is locked") == 1 and caplog.text.count("takes rows again") == 1
+    committer.close(5)
+
+
+def test_an_error_of_the_disk_is_no_end_either(engine, caplog, monkeypatch):
+    """Whatever call meets it: the sink goes on, and names the file."""
+    monkeypatch.setattr(module, "Backoff", lambda: Backoff(RetryPolicy(0.01, 0.02)))
+    committer, refusals = Committer(engine), [OSError(errno.EINVAL, "Invalid argument")] * 2
+    write = committer._writer.write
+
+    def refusing(messages):
+        if refusals:
+            raise refusals.pop()
+        return write(messages)
+
+    committer._writer.write = refusing
+    committer.submit(Batch([message(row(0))], [1], 0, 0.0))
+    collect(committer, 1)
+    assert count(engine) == 1 and not committer.trouble
+    assert "a.sqlite: Invalid argument; rows wait" in caplog.text
     committer.close(5)
 
 

@@ -8,10 +8,11 @@ import subprocess
 from contextlib import contextmanager
 
 import pytest
+import sqlalchemy as sa
 from sqlalchemy.engine import make_url
 
 from acqd.errors import UserError
-from acqd.storage.database import DatabaseAwayError, engine_for, open_database, prepare
+from acqd.storage.database import DatabaseAwayError, engine_for, open_database, prepare, unanswered
 from acqd.telemetry.broker import free_port
 from tests.commands import ACQD, acqd_here
 from tests.forwarded import forwarded
@@ -125,3 +126,18 @@ def test_limits_of_time_hold_in_each_transaction_and_need_no_options_of_the_conn
         driver.autocommit = True
         assert driver.execute("SHOW statement_timeout").fetchone() == ("0",)
     engine.dispose()
+
+
+def test_a_role_without_rights_is_told_so(postgres):
+    """Not that the database may be another program's; a viewer without the right gets a line, not a traceback."""
+    engine = open_database(postgres)
+    with engine.begin() as connection:
+        connection.exec_driver_sql("DROP ROLE IF EXISTS reader")
+        connection.exec_driver_sql("CREATE ROLE reader LOGIN")
+    reader = make_url(postgres).set(username="reader").render_as_string()
+    with pytest.raises(UserError, match=r"permission denied .*; give its role the right") as refused:
+        open_database(reader)
+    assert not isinstance(refused.value, DatabaseAwayError) and "another program" not in str(refused.value)
+    with engine_for(reader).connect() as connection, pytest.raises(sa.exc.ProgrammingError) as caught:
+        connection.exec_driver_sql("DELETE FROM quarantine")
+    assert "give its role the right" in str(unanswered(caught.value))

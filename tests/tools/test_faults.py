@@ -18,7 +18,7 @@ from acqd.storage.database import open_database
 from acqd.storage.writer import Writer
 from tests.places import ROOT
 from tests.storage.rows import message, row
-from tools.studies.faults import disk, refusals
+from tools.studies.faults import clock, disk, refusals
 from tools.studies.faults.bed import Extras, Kind
 from tools.studies.faults.faults import possible
 from tools.studies.faults.memory import how, limited, unit_limit
@@ -215,3 +215,13 @@ def test_a_disk_answers_errors_to_the_calls_that_are_named_and_to_no_other_folde
         [sys.executable, "-S", "-c", program], cwd=tmp_path, env=environment, capture_output=True, text=True, check=True
     )
     assert done.stdout == f"{errno.ESTALE} {errno.ESTALE} ------"
+
+
+@pytest.mark.skipif(bool(clock.missing() or refusals.missing()), reason="needs libfaketime and a C compiler")
+def test_a_service_may_have_a_faked_clock_and_a_disk_that_answers_errors(tmp_path):
+    """Each has a library of its own: without the clock's, libfaketime lets `time.sleep` fail."""
+    faked = clock.FakedClock(tmp_path / "sink.clock").environment()
+    both = faked | refusals.Refusals(tmp_path / "sink.refusals", tmp_path).environment(faked["LD_PRELOAD"])
+    libraries = both["LD_PRELOAD"].split(":")
+    assert len(set(libraries)) == 3
+    subprocess.run([sys.executable, "-S", "-c", "import time; time.sleep(0.01)"], env=os.environ | both, check=True)

@@ -10,7 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from acqd.api.dataset import Dataset
 from acqd.dataset.resample import resampled
+from acqd.dataset.schema import columns_of
 from acqd.models.segments import Segment
 from acqd.robot import load_description
 from acqd.robot.labels import from_numbers
@@ -203,3 +205,12 @@ def test_rows_without_a_number_are_unknown():
     values = labelled([replace(segment, labels={"step": step})], "step", STEP, Path("ds"))
     assert [each.name for each in values][:3] == ["unknown", "0", "10"]
     assert sum(each.kWh for each in values) == pytest.approx(segment.P.sum() * STEP / 3.6e6, rel=1e-12)
+
+
+def test_labels_go_through_tables_also_beside_numbers_of_earlier_versions(dataset, tmp_path):
+    table = Dataset(dataset).to_arrow()
+    again = Dataset.from_arrow(table, tmp_path / "again", robot=dataset.parent / "robot.toml")
+    assert set(again.to_arrow()["program"].to_pylist()) == {"", *_MODULES}
+    old = table.set_column(table.column_names.index("part"), "part", table["part"].cast("string").cast("float64"))
+    numbers = columns_of(old.drop_columns(["recording", "split"]))["part"]
+    assert numbers.tolist() == columns_of(table)["part"].tolist()

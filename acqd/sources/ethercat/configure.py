@@ -14,13 +14,19 @@ from acqd.sources.ethercat.settings import OVERSAMPLING, RANGE_CODE, EthercatSet
 
 
 def find_terminals(master: Any, settings: EthercatSettings) -> list[Any]:
-    """The EL3783 of the segment, in their order. Raises UserError when there are more or fewer than configured."""
+    """The EL3783 of the segment, in their order.
+
+    Raises UserError when there are more or fewer than configured, SegmentError when a slave that may be one is unknown.
+    """
     slaves = scan(master)
     found = [
         slave
         for slave, info in zip(master.slaves, slaves, strict=True)
         if (info.vendor, info.product) == (objects.BECKHOFF, objects.EL3783)
     ]
+    unknown = [info.position for info in slaves if not info.vendor]
+    if unknown and len(found) < settings.terminals:  # what a lost frame leaves: SOEM reads zeros, and reports no error
+        raise SegmentError(f"slave {unknown[0]} does not say what it is; check cable and power, then its EEPROM")
     if len(found) != settings.terminals:
         there = ", ".join(f"{info.position}: {info.title}" for info in slaves)
         raise UserError(

@@ -43,7 +43,7 @@ class FakedClock:
 
     def __init__(self, file: Path) -> None:
         """`file`: what libfaketime reads."""
-        self._file, self._waits = file, file.with_suffix(".so")
+        self._file, self._waits = file, file.with_name(f"{file.name}.so")
         command = ["cc", "-shared", "-fPIC", "-x", "c", "-", "-o", str(self._waits)]
         subprocess.run(command, input=_WAITS.encode(), check=True)
         self.set(0.0)

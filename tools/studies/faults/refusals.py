@@ -125,7 +125,7 @@ class Refusals:
 
     def __init__(self, file: Path, folder: Path) -> None:
         """`file`: what the library reads; a C compiler is needed."""
-        self._file, self._library, self._folder = file, file.with_suffix(".so"), folder
+        self._file, self._library, self._folder = file, file.with_name(f"{file.name}.so"), folder
         command = ["cc", "-shared", "-fPIC", "-O1", "-x", "c", "-", "-ldl", "-o", str(self._library)]
         subprocess.run(command, input=_SOURCE.encode(), check=True)
         file.write_bytes(bytes(4 * len(CALLS)))

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
@@ -14,14 +15,16 @@ from scipy.special import expit, gammaincc, gammaln, logsumexp
 from acqd.arrays import Floats
 from acqd.discrepancy.loads.paths import lasting
 
-_MEANS_S = np.geomspace(1.0, 900.0, 140)
-"""Mean lengths of a state that are compared, equally likely beforehand."""
+_SHORTEST_S, _A_DECADE = 1.0, 48
+"""Mean lengths of a state that are compared, equally likely beforehand: up to twice what was recorded."""
 _REGULAR, _IRREGULAR = (0.03, 0.1, 0.15), (0.3, 0.6, 1.0)
 """Standard deviations of dwell times over their mean: of thermostats, and of equipment in use."""
 _STRAY = 0.05
 """Share of dwell times that are of any length: the residual hides some switchings."""
 _GLITCHES_S = (0.0, 1.0, 2.0, 4.0, 8.0)
 """Longest states that noise makes, equally likely beforehand; 0: noise makes none."""
+_DIGITS = 3
+"""Of stays in s: equal ones are computed once."""
 _BETWEEN_S = 60.0
 """Expected time between such states, before any was seen."""
 
@@ -65,15 +68,17 @@ def rhythm(on: States, t: list[Floats]) -> Rhythm:
     likelihoods, averaged over means, scatters, and the longest state that is only noise. Stays that the ends of
     recordings cut count as far as they were seen.
     """
-    seconds, step_s = sum(float(each[-1] - each[0]) for each in t), float(np.median(np.diff(t[0])))
+    seconds = sum(float(each[-1] - each[0]) for each in t)
+    step_s = float(np.median(np.concatenate([np.diff(each) for each in t])))
+    means_s = np.geomspace(_SHORTEST_S, 2 * seconds, 2 + int(_A_DECADE * np.log10(2 * seconds / _SHORTEST_S)))
     thermostat, equipment = list[_Fit](), list[_Fit]()
     for longest_s in _GLITCHES_S:
         clean = [lasting(each, round(longest_s / step_s)) for each in on]
         count = (_switchings(on) - _switchings(clean)) / 2
         noise = float(gammaln(count + 1) - count * np.log((seconds + _BETWEEN_S) * max(longest_s, step_s)))  # Poisson
-        dwells = list(_dwells(clean, t))
-        thermostat += [_fit(dwells, scatter, noise) for scatter in _REGULAR]
-        equipment += [_fit(dwells, scatter, noise) for scatter in _IRREGULAR]
+        dwells = Counter(_dwells(clean, t, step_s))
+        thermostat += [_fit(dwells, scatter, means_s, noise) for scatter in _REGULAR]
+        equipment += [_fit(dwells, scatter, means_s, noise) for scatter in _IRREGULAR]
     odds = logsumexp([each.likelihood for each in thermostat]) - logsumexp([each.likelihood for each in equipment])
     return Rhythm(max(thermostat).period_s, float(expit(odds)))
 
@@ -87,18 +92,18 @@ class _Fit(NamedTuple):
     """The likeliest."""
 
 
-def _fit(dwells: list[_Dwell], scatter: float, noise: float) -> _Fit:
-    by_mean = _log_likelihoods(dwells, scatter)
-    return _Fit(float(logsumexp(by_mean, axis=1).sum()) + noise, float(_MEANS_S[by_mean.argmax(axis=1)].sum()))
+def _fit(dwells: Mapping[_Dwell, int], scatter: float, means_s: Floats, noise: float) -> _Fit:
+    by_mean = _log_likelihoods(dwells, scatter, means_s)
+    return _Fit(float(logsumexp(by_mean, axis=1).sum()) + noise, float(means_s[by_mean.argmax(axis=1)].sum()))
 
 
 def _switchings(on: States) -> int:
     return sum(int(np.abs(np.diff(each.astype(int))).sum()) for each in on)
 
 
-def _dwells(on: States, t: list[Floats]) -> Iterator[_Dwell]:
+def _dwells(on: States, t: list[Floats], step_s: float) -> Iterator[_Dwell]:
     """Stays in order of time. Pauses cut them, unless they are so short that no whole stay is likely to be within."""
-    segments = [list(_runs(on[k], t[k])) for k in sorted(range(len(t)), key=lambda k: float(t[k][0]))]
+    segments = [list(_runs(on[k], t[k], step_s)) for k in sorted(range(len(t)), key=lambda k: float(t[k][0]))]
     runs = [run for segment in segments for run in segment]
     whole: dict[bool, list[float]] = {}
     for state, start_s, end_s in (run for segment in segments for run in segment[1:-1]):
@@ -110,38 +115,39 @@ def _dwells(on: States, t: list[Floats]) -> Iterator[_Dwell]:
         cut = pause_s > bridged_s
         if state == next_state and not cut:
             continue
-        yield _Dwell(state, end_s - runs[first][1], hidden_s + (0.0 if cut else pause_s), begun, not cut)
+        seen_s = round(end_s - runs[first][1], _DIGITS)
+        yield _Dwell(state, seen_s, round(hidden_s + (0.0 if cut else pause_s), _DIGITS), begun, not cut)
         begun, hidden_s, first = not cut, 0.0 if cut else pause_s, number + 1
-    yield _Dwell(runs[-1][0], runs[-1][2] - runs[first][1], 0.0, begun, ended=False)
+    yield _Dwell(runs[-1][0], round(runs[-1][2] - runs[first][1], _DIGITS), 0.0, begun, ended=False)
 
 
-def _runs(on: NDArray[np.bool_], t: Floats) -> Iterator[tuple[bool, float, float]]:
+def _runs(on: NDArray[np.bool_], t: Floats, step_s: float) -> Iterator[tuple[bool, float, float]]:
     """State, begin and end [s] of every run of equal states of a segment."""
-    ends_s = [*t.tolist(), float(t[-1] + np.median(np.diff(t)))]
+    ends_s = [*t.tolist(), float(t[-1]) + step_s]
     edges = [0, *(np.flatnonzero(np.diff(on.astype(int))) + 1).tolist(), len(on)]
     for first, last in pairwise(edges):
         yield bool(on[first]), ends_s[first], ends_s[last]
 
 
-def _log_likelihoods(dwells: list[_Dwell], scatter: float) -> Floats:
+def _log_likelihoods(dwells: Mapping[_Dwell, int], scatter: float, means_s: Floats) -> Floats:
     """[2, means] log-likelihood of the stays off, and of those on, by their mean length."""
-    total = np.zeros((2, len(_MEANS_S)))
-    for dwell in dwells:
-        regular, stray = _likelihood(dwell, scatter**-2.0), _likelihood(dwell, 1.0)
-        total[int(dwell.on)] += np.log(np.maximum((1 - _STRAY) * regular + _STRAY * stray, 1e-300))
+    total = np.zeros((2, len(means_s)))
+    for dwell, count in dwells.items():
+        regular, stray = _likelihood(dwell, scatter**-2.0, means_s), _likelihood(dwell, 1.0, means_s)
+        total[int(dwell.on)] += count * np.log(np.maximum((1 - _STRAY) * regular + _STRAY * stray, 1e-300))
     return total
 
 
-def _likelihood(dwell: _Dwell, shape: float) -> Floats:
+def _likelihood(dwell: _Dwell, shape: float, means_s: Floats) -> Floats:
     """[means] likelihood of a stay of a gamma distribution with so many degrees of freedom, by its mean."""
-    x = dwell.seen_s * shape / _MEANS_S
+    x = dwell.seen_s * shape / means_s
     lasts = gammaincc(shape, x)
     if not dwell.begun and not dwell.ended:  # of a state in equilibrium: E max(D - seen, 0) / E D
         return np.asarray(gammaincc(shape + 1, x) - x / shape * lasts)
     if not dwell.begun:
-        return np.asarray(lasts / _MEANS_S)
+        return np.asarray(lasts / means_s)
     if not dwell.ended:
         return np.asarray(lasts)
     if dwell.hidden_s > 0:
-        return np.asarray(lasts - gammaincc(shape, x + dwell.hidden_s * shape / _MEANS_S)) / dwell.hidden_s
+        return np.asarray(lasts - gammaincc(shape, x + dwell.hidden_s * shape / means_s)) / dwell.hidden_s
     return np.asarray(np.exp(shape * np.log(x) - x - gammaln(shape)) / dwell.seen_s)

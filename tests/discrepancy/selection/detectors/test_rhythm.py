@@ -73,3 +73,9 @@ def test_two_exact_cycles_are_a_rhythm_and_noise_does_not_hide_it():
 def test_uneven_stays_are_no_rhythm_and_a_single_cycle_says_nothing():
     assert rhythm(_states(T, [5.0, 30.0, 46.0, 94.0, 108.0, 120.0, 155.0, 190.0, 200.0]), T).probability < 0.2
     assert 0.2 < rhythm(_states(T, [40.0, 120.0]), T).probability < 0.8
+
+
+def test_states_of_an_hour_have_a_rhythm_and_their_period():
+    t = [np.arange(0, 8 * 3600, 1.0)]
+    slow = rhythm(_states(t, np.cumsum([600, *[1200, 2400] * 8])), t)
+    assert slow.probability > 0.95 and slow.period_s == pytest.approx(3600, rel=0.05)
