@@ -72,7 +72,9 @@ def _unknown_poses(time: Floats, q: Floats, robot: RobotDescription) -> NDArray[
     be held over many rows: the arm moves on meanwhile.
     """
     unknown = np.zeros(len(time), bool)
-    zero = (np.abs(np.sin(q / 2)) < _ZERO).all(axis=1)  # jumps by whole turns were taken out of the angles
+    zero: NDArray[np.bool_] = np.asarray(
+        (np.abs(np.sin(q / 2)) < _ZERO).all(axis=1)
+    )  # jumps by whole turns were taken out of the angles
     if len(time) < 3 or not zero.any() or zero.all():
         return unknown
     step, changes = np.diff(time), np.flatnonzero((np.diff(q[~zero], axis=0) != 0).any(axis=1))
