@@ -21,7 +21,8 @@ from scipy.optimize import nnls
 from acqd.arrays import Floats
 from acqd.numerics import runs_of_true
 from acqd.robot.description import RobotDescription
-from acqd.robot.inertia import inverse_dynamics
+from acqd.robot.inertia import inertial_parameters
+from acqd.robot.newton_euler import Chain, joint_torque, joint_torques
 
 Order: TypeAlias = tuple[int, ...]
 """For each axis, the column that holds its values."""
@@ -47,6 +48,8 @@ _TORQUE_SCALE = (0.5, 2.0)
 _GUESSED_SCALE = (0.2, 5.0)
 """The same for currents of drives whose torque constant is guessed."""
 _MOST_STEPS = 4
+_HEAVIEST = 0.5
+"""Share of the arm's mass that no payload has: rated payloads of shipped arms are at most about half."""
 _ALREADY = 0.97
 """Share of the variance that the angles as logged explain at most where another sign or zero is looked for."""
 _GAIN_OF_ZEROS = 0.3
@@ -211,11 +214,12 @@ class Better:
 
 
 def explains_better(robot: RobotDescription, other: RobotDescription, samples: Sequence[OrderSample]) -> Better | None:
-    """Whether `other` explains torques better than `robot`; None where the samples are too short."""
+    """Whether `other` explains torques better than `robot` with any payload; None where the samples are too short."""
     logged = tuple(range(robot.axes))
     own, its = (_Fit(each, samples, _GUESSED_SCALE) for each in (robot, other))
     if own.blocks < _FEWEST_BLOCKS:
         return None
+    own.take_payload()
     gain, errors = own.gain_of(its, logged)
     return Better(gain, gain > _GAIN_BY_POWER and errors > _CLEARLY, own.slope(), its.slope())
 
@@ -231,7 +235,7 @@ class _Fit:
     """Residuals of the same rows in any order of the axes."""
 
     def __init__(self, robot: RobotDescription, samples: Sequence[OrderSample], scale: tuple[float, float]) -> None:
-        self._robot, self._scale = robot, scale
+        self._chain, self._parameters, self._scale = Chain.of(robot), inertial_parameters(robot), scale
         rows = sum(len(sample.q) for sample in samples)
         thin = max(1, -(-rows // _MOST_ROWS))
         parts = []
@@ -281,16 +285,48 @@ class _Fit:
         seen = self._seen if self._seen.ndim == 2 else self._seen[:, None]
         return np.asarray(1 - (left**2).mean(axis=0) / (seen.var(axis=0)[self._columns(order)] + 1e-12))
 
+    def take_payload(self) -> None:
+        """Let the arm carry the mass and first moment at its last link that fit best, if they are a payload's.
+
+        Torques are linear in both: one scale of all torques, and each axis' friction, rotor and offset are fitted too.
+        """
+        body = slice(len(self._parameters) - 10, len(self._parameters) - 6)
+        units = np.zeros((5, len(self._parameters)))
+        units[0] = self._parameters
+        units[1:, body] = np.eye(4)
+        torques = joint_torques(self._chain, units, self._q, self._qd, self._qdd)
+        X, y = [], []
+        for axis in range(self._q.shape[1]):
+            others, seen = self._beside(axis), self._seen[:, axis]
+            weight = 1 / (float(seen.std()) + 1e-12)
+            own = torques[:, :, axis].T
+            X.append(weight * (own - others @ (others.T @ own)))
+            y.append(weight * (seen - others @ (others.T @ seen)))
+        scale, *moments = np.linalg.lstsq(np.concatenate(X), np.concatenate(y), rcond=None)[0]
+        heaviest = _HEAVIEST * float(self._parameters[::10].sum())
+        if scale > 0 and 0 < moments[0] / scale < heaviest:
+            self._parameters = self._parameters.copy()
+            self._parameters[body] += np.array(moments) / scale
+
     def slope(self) -> float:
         """Logged over computed torque of all axes together, beside friction, rotor and an offset of each."""
-        tau = inverse_dynamics(self._robot, self._q, self._qd, self._qdd)
+        tau = self._torques(self._q, self._qd, self._qdd)
         product = square = 0.0
-        for axis, (qd, qdd) in enumerate(zip(self._qd.T, self._qdd.T, strict=True)):
-            others, _ = np.linalg.qr(np.column_stack([np.tanh(qd / _SIGN_SPEED), qd, qdd, np.ones(len(qd))]))
+        for axis in range(tau.shape[1]):
+            others = self._beside(axis)
             own = tau[:, axis] - others @ (others.T @ tau[:, axis])
             product += float(own @ self._seen[:, axis])
             square += float(own @ own)
         return product / max(square, 1e-12)
+
+    def _beside(self, axis: int) -> Floats:
+        """[T, 4] orthonormal columns of friction, rotor and offset of an axis."""
+        qd, qdd = self._qd[:, axis], self._qdd[:, axis]
+        columns, _ = np.linalg.qr(np.column_stack([np.tanh(qd / _SIGN_SPEED), qd, qdd, np.ones(len(qd))]))
+        return np.asarray(columns)
+
+    def _torques(self, q: Floats, qd: Floats, qdd: Floats) -> Floats:
+        return joint_torque(self._chain, self._parameters, q, qd, qdd)
 
     def _columns(self, order: Order) -> list[int]:
         """Columns of the witnesses in the order of the residuals."""
@@ -300,7 +336,7 @@ class _Fit:
         """[T, witnesses] residuals."""
         columns = list(order)
         q, qd, qdd = self._q[:, columns], self._qd[:, columns], self._qdd[:, columns]
-        tau = inverse_dynamics(self._robot, q, qd, qdd)
+        tau = self._torques(q, qd, qdd)
         if self._seen.ndim == 1:
             return self._power_left(tau, qd, qdd)[:, None]
         return self._torque_left(tau, qd, qdd, columns)

@@ -15,6 +15,8 @@ _FASTEST_S = 2e-5
 """Shortest credible step: no controller is faster than 50 kHz."""
 _MANY_ROWS = 1000
 """Rows across which the way and the time are compared: packets and single wrong rows do not matter."""
+_FEW_ROWS = 100
+"""Rows that may have come in one packet: less are not compared."""
 _SPARSE = 100.0
 """Times the usual step that rows may be apart on average: a recorder that pauses leaves gaps, not seldom rows."""
 _MOVING = 0.05
@@ -58,9 +60,11 @@ def _check_unit(log: RobotLog, robot: RobotDescription) -> None:
     """Raises InputError where a joint covers a way of many rows faster than it can."""
     time, rows = in_time(log)
     apart = min(_MANY_ROWS, len(time) // 3)
+    if apart < _FEW_ROWS:
+        return
     moved = np.abs(log.q[rows][apart:] - log.q[rows][: len(time) - apart])
     farthest = reach(time[apart:] - time[: len(time) - apart], robot)
-    if not apart or (moved <= farthest).all():
+    if (moved <= farthest).all():
         return
     row, axis = np.unravel_index(int(np.argmax(moved / farthest)), moved.shape)
     speed = moved[row, axis] / (time[row + apart] - time[row])

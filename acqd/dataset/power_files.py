@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 import orjson
@@ -21,6 +23,8 @@ from acqd.timestamps import Nanoseconds, parse_times
 
 _ZONE = re.compile(r"(?:Z|[+-]\d\d:?(?:\d\d)?)$", re.IGNORECASE)
 """At the end of a time of RFC 3339 with a zone."""
+_LONGEST_LINE = 1 << 16
+"""Bytes of the end of a file that hold its last line."""
 Reader = Callable[[Path], Iterator[pa.RecordBatch]]
 
 
@@ -66,34 +70,44 @@ def csv_batches(path: Path) -> Iterator[pa.RecordBatch]:
 
     A last line that is cut off, as that of a recorder which was stopped hard, is no row.
     """
-    broken: list[pyarrow.csv.InvalidRow] = []
-
-    def leave_out(row: pyarrow.csv.InvalidRow) -> str:
-        broken.append(row)
-        return "skip"
-
+    left_out: list[pyarrow.csv.InvalidRow] = []
+    misfits: list[pyarrow.csv.InvalidRow] = []
     with path.open("rb") as raw:
         file = text_of(path, raw)
         head = file.readline()
-        file.seek(0)
+        cut = _last_line(file)
+
+        def judge(row: pyarrow.csv.InvalidRow) -> str:
+            if row.actual_columns < row.expected_columns and row.text == cut and not left_out:
+                left_out.append(row)
+                return "skip"
+            misfits.append((left_out or [row])[0])  # a line like the last one may be broken within the file, too
+            return "error"
+
         mark = next((mark for mark in (b",", b";", b"\t") if mark in head), b",").decode()
-        parse = pyarrow.csv.ParseOptions(delimiter=mark, invalid_row_handler=leave_out)
+        parse = pyarrow.csv.ParseOptions(delimiter=mark, invalid_row_handler=judge)
         convert = pyarrow.csv.ConvertOptions(decimal_point="," if mark == ";" else ".")
         read = pyarrow.csv.ReadOptions(use_threads=False)  # else rows have no numbers
-        rows = 0
         try:
-            for batch in pyarrow.csv.open_csv(file, read_options=read, parse_options=parse, convert_options=convert):
-                rows += len(batch)
-                yield batch
+            yield from pyarrow.csv.open_csv(file, read_options=read, parse_options=parse, convert_options=convert)
         except pa.ArrowInvalid as error:
-            raise InputError(path, str(error).splitlines()[0]) from None
-    within = next((row for row in broken if row.number is None or row.number <= rows + 1), None)
-    if within is not None:
-        raise InputError(
-            path,
-            f"row {within.number} has {within.actual_columns} columns, the header {within.expected_columns}: is it cut "
-            "off, or are commas decimal marks and separators at once? Remove it, or separate columns by ;",
-        )
+            raise InputError(path, _misfit(misfits[0]) if misfits else str(error).splitlines()[0]) from None
+
+
+def _last_line(file: BinaryIO) -> str | None:
+    """The last line of a file whose last line has no end; None of any other file. The file is at its beginning then."""
+    size = file.seek(0, os.SEEK_END)
+    file.seek(max(0, size - _LONGEST_LINE))
+    text = file.read()
+    file.seek(0)
+    return None if text.endswith((b"\n", b"\r")) else text.splitlines()[-1].decode(errors="replace") if text else None
+
+
+def _misfit(row: pyarrow.csv.InvalidRow) -> str:
+    return (
+        f"row {row.number} has {row.actual_columns} columns, the header {row.expected_columns}: is it cut off, or are "
+        "commas decimal marks and separators at once? Remove it, or separate columns by ;"
+    )
 
 
 def json_line_batches(path: Path) -> Iterator[pa.RecordBatch]:

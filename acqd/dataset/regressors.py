@@ -204,11 +204,15 @@ def _smooth(grid: Floats, time: Floats, values: Floats, cutoff_hz: float = _CUTO
 def _apart(time: Floats, values: Floats) -> tuple[Floats, Floats]:
     """Times and values without rows that nearly coincide, as those of a packet: their means.
 
-    A spline through two values of an encoder that are 0.1 ms apart swings far beyond both.
+    A spline through two values of an encoder that are 0.1 ms apart swings far beyond both. Rows of a recorder that
+    rests with the arm are close, too, in motion: means over more than STEP_S would lose it.
     """
     step = np.diff(time)
     usual = float(np.minimum(step, _PAUSE_S).mean())
     new = np.concatenate([[0], np.cumsum(step >= _CLOSE * usual)])
+    begin = time[np.searchsorted(new, np.arange(new[-1] + 1))]
+    piece = np.floor((time - begin[new]) / STEP_S)
+    new = np.concatenate([[0], np.cumsum((np.diff(new) > 0) | (np.diff(piece) > 0))])
     if new[-1] == len(time) - 1:
         return time, values
     counts = np.bincount(new)

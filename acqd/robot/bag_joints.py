@@ -18,29 +18,27 @@ States: TypeAlias = list[tuple[int, Any]]
 def arm_states(
     path: Path, robot: RobotDescription, layouts: list[LogColumns], topics: dict[str, States]
 ) -> tuple[LogColumns, list[str], States]:
-    """The first layout whose joints come in one message, the names of its joints, and the messages that have all.
+    """The first layout that fits one arm in one topic, the names of its joints, and the messages that have all.
 
+    Layouts that name a topic are tried first.
     Drivers put a prefix before all names of an arm. Where no name without a prefix fits, the only prefix that does is
     taken, unless the names are only numbers. Raises InputError where no topic fits, or several, or several arms.
     """
-    for layout in layouts:
+    faults: list[str] = []
+    for layout in sorted(layouts, key=lambda each: each.topic is None):  # stable: the most definite ones first
         bare = layout.joints or [joint.name for joint in robot.joint]
         some = {topic: states for topic, states in topics.items() if layout.topic in (None, topic)}
         own = {""} if any(_NUMBERED.fullmatch(name) for name in bare) else _prefixes(bare, some)
         for prefixes in ({""}, own):
             fitting = {prefix: found for prefix in sorted(prefixes) if (found := _complete(bare, prefix, some))}
-            if len(fitting) > 1:
-                raise InputError(path, _several_arms(bare, list(fitting)))
-            for prefix, complete in fitting.items():
-                if len(complete) > 1:
-                    named = ", ".join(sorted(complete))
-                    raise InputError(
-                        path,
-                        f"has states of the same joints in {named}: record one of them, or name it in the robot's "
-                        f'description: [[log]] format = "ros", topic = "{min(complete, key=len)}"',
-                    )
+            if not fitting:
+                continue
+            prefix, complete = next(iter(fitting.items()))
+            if len(fitting) == len(complete) == 1:
                 return layout, [prefix + name for name in bare], complete.popitem()[1]
-    raise InputError(path, _unfit(robot, layouts, topics))
+            faults.append(_several(layout, bare, fitting))
+            break
+    raise InputError(path, faults[0] if faults else _unfit(robot, layouts, topics))
 
 
 def _prefixes(bare: list[str], topics: dict[str, States]) -> set[str]:
@@ -60,13 +58,28 @@ def _complete(bare: list[str], prefix: str, topics: dict[str, States]) -> dict[s
     return found
 
 
-def _several_arms(bare: list[str], prefixes: list[str]) -> str:
-    """That the bag holds several arms of this kind, and how to choose one."""
-    joints = ", ".join(f'"{prefixes[0]}{name}"' for name in bare)
+def _several(layout: LogColumns, bare: list[str], fitting: dict[str, dict[str, States]]) -> str:
+    """That the bag holds several arms of this kind, or one in several topics, and how to choose one.
+
+    `fitting` are the topics of each prefix.
+    """
+    prefix, complete = next(iter(fitting.items()))
+    topic = min(complete, key=len)
+    keys = _keys([prefix + name for name in bare], topic, layout.effort)
+    if len(fitting) > 1:
+        return f"has several arms, whose joints begin with {', '.join(fitting)}: add to the robot's description {keys}"
     return (
-        f"has several arms, whose joints begin with {', '.join(prefixes)}: choose one in the robot's description, "
-        f'[[log]] format = "ros", joints = [{joints}]'
+        f"has states of the same joints in {_listed(complete)}: record one of them, or add to the robot's description "
+        f"{keys}"
     )
+
+
+def _keys(names: list[str], topic: str | None = None, effort: str = "tau") -> str:
+    """The layout to write into a description."""
+    joints = ", ".join(f'"{name}"' for name in names)
+    keys = [f'topic = "{topic}"'] if topic else []
+    keys += [f"joints = [{joints}]"] + ([f'effort = "{effort}"'] if effort != "tau" else [])
+    return f'[[log]] format = "ros", {", ".join(keys)}'
 
 
 def _unfit(robot: RobotDescription, layouts: list[LogColumns], topics: dict[str, States]) -> str:
@@ -75,7 +88,8 @@ def _unfit(robot: RobotDescription, layouts: list[LogColumns], topics: dict[str,
         return f"has no joint states in {', '.join(str(layout.topic) for layout in layouts)}, but in {_listed(topics)}"
     names = layouts[0].joints or [joint.name for joint in robot.joint]
     found = sorted({name for states in topics.values() for _, state in states for name in state.name})
-    advice = next(([prefix + name for name in names] for prefix in sorted(_prefixes(names, topics))), ["FIRST", "..."])
+    known = ([prefix + name for name in names] for prefix in sorted(_prefixes(names, topics)))
+    advice = next((each for each in known if set(each) <= set(found)), ["FIRST", "..."])
     if set(names) <= set(found):
         return (
             f"the joints of one arm come in several messages ({_listed(topics)}); expected all of {', '.join(names)} "
@@ -83,9 +97,7 @@ def _unfit(robot: RobotDescription, layouts: list[LogColumns], topics: dict[str,
         )
     return (
         f"has the joints {', '.join(found)}; expected in one message {', '.join(names)}. If they are this robot's, "
-        'write their names into its description, from the base on: [[log]] format = "ros", joints = ['
-        + ", ".join(f'"{name}"' for name in advice)
-        + "]"
+        f"write their names into its description, from the base on: {_keys(advice, effort=layouts[0].effort)}"
     )
 
 

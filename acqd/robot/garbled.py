@@ -15,9 +15,11 @@ FEW = 0.01
 """Share of a log's rows that may be garbled; they are left out. With more, the log is refused."""
 BEYOND = "but its limit is"
 """In the reason of every angle beyond a limit."""
-_UNKNOWN = "the arm seems to stand here, and to be elsewhere within a row: angles that the driver did not know?"
-_STANDS = 3
-"""Rows of one pose that no spike has."""
+_UNKNOWN = "all angles are zero here, and the arm is elsewhere within a row: angles that the driver did not know?"
+_ZERO = 1e-9
+"""Half an angle [rad] that is zero beside the rounding of a unit."""
+_HELD = 2.0
+"""Times the usual time between two poses that the arm may move before a row shows it."""
 _ALLOWANCE = np.radians(2.0)  # beyond a limit
 _ALLOWANCE_M = 0.02
 _WHOLE_TURN = np.radians(355)  # axes with this range or more count further turns: a whole turn more is no error
@@ -64,18 +66,24 @@ def garbled_rows(time: Floats, q: Floats, robot: RobotDescription) -> dict[int, 
 
 
 def _unknown_poses(time: Floats, q: Floats, robot: RobotDescription) -> NDArray[np.bool_]:
-    """[T] rows of one and the same pose, which the arm reaches and leaves faster than it can move.
+    """[T] rows with zeros for all axes, which the arm reaches and leaves faster than it can move.
 
-    A driver that does not know the angles writes zeros, say: before it has them, or when it has lost them.
+    A driver that does not know the angles writes them: before it has the angles, or when it has lost them. Poses may
+    be held over many rows: the arm moves on meanwhile.
     """
     unknown = np.zeros(len(time), bool)
-    if len(time) < 3:
+    zero: NDArray[np.bool_] = np.asarray(
+        (np.abs(np.sin(q / 2)) < _ZERO).all(axis=1)
+    )  # jumps by whole turns were taken out of the angles
+    if len(time) < 3 or not zero.any() or zero.all():
         return unknown
-    step = np.diff(time)
-    fast = (np.abs(np.diff(q, axis=0)) > reach(np.maximum(step, np.median(step)), robot)).any(axis=1)
-    edges = [0, *(np.flatnonzero(fast) + 1).tolist(), len(time)]
-    for start, end in itertools.pairwise(edges) if fast.any() else ():
-        unknown[start:end] = end - start >= _STANDS and bool((q[start:end] == q[start]).all())
+    step, changes = np.diff(time), np.flatnonzero((np.diff(q[~zero], axis=0) != 0).any(axis=1))
+    usual = float(np.median(step))
+    held = float(np.median(np.diff(time[~zero][changes]))) if len(changes) > 1 else usual
+    fast = (np.abs(np.diff(q, axis=0)) > reach(np.maximum(step, _HELD * max(held, usual)), robot)).any(axis=1)
+    for start, end in runs_of_true(zero):
+        reached, left = start == 0 or bool(fast[start - 1]), end == len(time) or bool(fast[end - 1])
+        unknown[start:end] = reached and left
     return unknown
 
 

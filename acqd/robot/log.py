@@ -28,6 +28,8 @@ LATEST_S = 7_258_118_400.0
 """2200-01-01 in Unix seconds."""
 _MS = 1e14
 """Unix time in ms is below, in us below a thousand times that."""
+_WHOLE_S = 100.0
+"""From which on tenths of a second are digits enough."""
 _DAY_S = 86_400.0
 _NO_TIMES = 0.9
 """Share of rows without a time beyond which times are of another form."""
@@ -137,9 +139,10 @@ def _require_one_clock(log: RobotLog, table: Table, robot: RobotDescription) -> 
     back = set_back(log.time, log.q, robot.speed)
     if back is not None:
         by = log.time[back - 1] - log.time[back]
+        back_s = f"{by:.1f}" if by > _WHOLE_S else f"{by:.3g}"
         raise InputError(
             log.path,
-            f"row {table.line(back)}: the time goes back by {by:.1f} s while the arm moves on: the clock was set there "
+            f"row {table.line(back)}: the time goes back by {back_s} s while the arm moves on: the clock was set there "
             "(the end of summer time, say); cut the log at this row, or write UTC",
         )
     restart = clock_restart(log.time, log.q)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import math
 import re
 from collections.abc import Collection, Iterator
@@ -21,7 +22,7 @@ _BLOCK_BYTES = 1 << 20
 _LONGEST_LINE = 1 << 16
 """Bytes. A longer line is no row of a robot's log; without this limit, a file without line ends fills the memory."""
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
-
+_QUOTED = re.compile('"[^"]*"')
 _DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:")
 _TITLES = 20
 """Lines before the header that may be titles."""
@@ -152,7 +153,8 @@ class _Layout:
     @classmethod
     def of(cls, line: str, words: Collection[str] = ()) -> _Layout:
         first = line.strip().lstrip("%#").strip()
-        separator = next((mark for mark in ";\t," if mark in first), None)
+        bare = _QUOTED.sub("", first) or first
+        separator = next((mark for mark in ";\t," if mark in bare), None)
         cells = _split(first, separator)
         named = not all(_is_number(cell, separator) for cell in cells)
         columns = tuple(k for k, cell in enumerate(cells) if cell in words) if named else ()
@@ -203,7 +205,11 @@ def _with_point(cell: str) -> str:
 
 
 def _split(line: str, separator: str | None) -> list[str]:
-    return [cell.strip().strip('"') for cell in line.split(separator)]
+    cells = line.split(separator)
+    if separator and '"' in line and line.count('"') % 2 == 0:
+        quoted = next(csv.reader([line], delimiter=separator, skipinitialspace=True))
+        cells = quoted if len(quoted) > 1 else cells  # a whole line in quotes
+    return [cell.strip().strip('"') for cell in cells]
 
 
 def _is_number(cell: str, separator: str | None) -> bool:

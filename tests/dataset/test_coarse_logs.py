@@ -5,7 +5,7 @@ import pytest
 
 from acqd.dataset.placement import place
 from acqd.dataset.power import PowerStream
-from acqd.dataset.regressors import regressors_of
+from acqd.dataset.regressors import _apart, regressors_of
 from acqd.robot.description import load_description
 from acqd.robot.log import RobotLog, read_log
 from tests.places import ROBOT_LOGS, needs_robot_logs
@@ -70,3 +70,10 @@ def test_rows_of_a_packet_do_not_make_the_motion_swing(tmp_path):
     columns = regressors_of(RobotLog(tmp_path / "log.csv", packets, q), robot).columns
     even = regressors_of(RobotLog(tmp_path / "log.csv", t, q), robot).columns
     assert np.abs(columns).max(axis=0) == pytest.approx(np.abs(even).max(axis=0), rel=0.5, abs=0.1)
+
+
+def test_rows_that_are_dense_in_motion_only_keep_the_motion():
+    moving, resting = np.arange(0, 2, 0.001), np.arange(2, 42, 0.25)
+    time = np.concatenate([moving, resting, 42 + moving])
+    apart, values = _apart(time, np.sin(time)[:, None])
+    assert (apart < 2).sum() > 150 and np.abs(values[:, 0] - np.sin(apart)).max() < 1e-3

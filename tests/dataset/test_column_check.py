@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from acqd.dataset.axis_order import OrderSample
 from acqd.dataset.build import BuildConfig, build
 from acqd.dataset.column_check import (
     _require_scale,
@@ -15,6 +16,7 @@ from acqd.dataset.column_check import (
     judge_table,
 )
 from acqd.dataset.merge import Recording
+from acqd.dataset.other_robot import other_robot
 from acqd.errors import UserError
 from acqd.robot.description import load_description
 from acqd.robot.inertia import inverse_dynamics
@@ -162,6 +164,19 @@ def test_logs_of_the_larger_arm_of_a_family_are_doubted_and_those_of_the_right_o
     assert doubt_robot(logs, robot) == []
     (line,) = doubt_robot(logs, load_description("ur5e"))
     assert "fit ur10e better than ur5e" in line
+
+
+def test_an_arm_with_its_rated_payload_is_not_taken_for_a_larger_one():
+    robot, t = load_description("ur5e"), np.arange(0, 40, 0.08)
+    axes = range(robot.axes)
+    q = np.column_stack([1.2 * np.sin(2 * np.pi * (0.1 + 0.03 * k) * t + k) + 0.5 * np.sin(k + 1) for k in axes])
+    qd = np.gradient(q, 0.08, axis=0)
+    last = robot.joint[-1]
+    link = last.link.model_copy(update={"mass": last.link.mass + 5.0})
+    loaded = robot.model_copy(update={"joint": [*robot.joint[:-1], last.model_copy(update={"link": link})]})
+    tau = inverse_dynamics(loaded, q, qd, np.gradient(qd, 0.08, axis=0))
+    tau += 0.1 * np.abs(tau).max(axis=0) * np.tanh(qd / 0.02)
+    assert other_robot(robot, [OrderSample(q, tau + np.random.default_rng(0).normal(0, 0.2, tau.shape), 0.08)]) == ""
 
 
 @pytest.mark.parametrize(("name", "axis"), [("ur5e", 2), ("ur5e", 0), ("franka_panda", 3)])

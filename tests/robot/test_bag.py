@@ -1,10 +1,15 @@
 """ROS bags: joint states in another order, topics that do not fit, damaged files."""
 
+import tomllib
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from acqd.errors import InputError, UserError
 from acqd.robot import load_description
+from acqd.robot.bag_joints import arm_states
+from acqd.robot.description import LogColumns
 from acqd.robot.log import read_log
 
 rosbag2 = pytest.importorskip("rosbags.rosbag2")
@@ -166,6 +171,36 @@ def test_a_topic_can_be_chosen_and_numbered_joints_of_another_arm_are_not_taken(
     other = write_bag(tmp_path / "panda", {"/joint_states": states([f"panda_joint{k}" for k in range(1, 8)])})
     with pytest.raises(InputError, match=r'joints = ..panda_joint1", "panda_joint2'):
         read_log(other, load_description("xarm7"))
+
+
+def bag_states(names):
+    return [(0, SimpleNamespace(name=names, position=[0.0] * len(names)))]
+
+
+@pytest.mark.parametrize(
+    "topics",
+    [
+        {"/a": bag_states(NAMES), "/long/b": bag_states(NAMES)},
+        {"/a": bag_states(ARMS)},
+        {"/a": bag_states(ARMS), "/long/b": bag_states(ARMS)},
+    ],
+)
+def test_the_keys_that_a_refusal_names_choose_one_arm(tmp_path, topics):
+    robot = load_description("ur10e")
+    layouts = [layout for layout in robot.log if layout.format == "ros"]
+    with pytest.raises(InputError) as refused:
+        arm_states(tmp_path, robot, layouts, topics)
+    keys = str(refused.value).split("[[log]] ")[1].replace(", topic", "\ntopic").replace(", joints", "\njoints")
+    written = LogColumns.model_validate(tomllib.loads(keys.replace(", effort", "\neffort")))
+    layout, names, states = arm_states(tmp_path, robot, [*layouts, written], topics)
+    assert layout.topic == "/a" and layout.effort == "current"
+    assert set(names) <= set(states[0][1].name)
+
+
+def test_only_names_that_the_bag_has_are_advised(tmp_path):
+    robot = load_description("kinova_gen3")
+    with pytest.raises(InputError, match=r"joints = ..FIRST"):
+        arm_states(tmp_path, robot, [LogColumns(format="ros")], {"/a": bag_states([f"x_{robot.joint[0].name}", "foo"])})
 
 
 def test_a_bag_that_is_still_open_is_named(tmp_path):

@@ -248,11 +248,13 @@ def test_poses_of_a_short_dwell_are_not_old(row_s, dwell_s, noise):
     assert doubtful_rows(t, q, np.full(6, 3.14), np.full(6, step_s)).old.sum() < 0.02 * len(t)
 
 
-def test_a_clock_that_is_set_back_while_the_arm_moves_is_named_with_its_row(real):
+@pytest.mark.parametrize(("set_s", "back_s"), [(3600.0, "3600.0"), (0.09, "0.078")])
+def test_a_clock_that_is_set_back_while_the_arm_moves_is_named_with_its_row(real, set_s, back_s):
     t, q = real
     moving = int(np.argmax(np.linalg.norm(np.diff(q, axis=0), axis=1)))
-    with pytest.raises(InputError, match=rf"row {moving + 3}: the time goes back by 3600.0 s while the arm moves on"):
-        log_with(5000.0 + t - 3600.0 * (np.arange(len(t)) > moving), q)
+    said = rf"row {moving + 3}: the time goes back by {back_s} s while the arm moves on"
+    with pytest.raises(InputError, match=said):
+        log_with(5000.0 + t - set_s * (np.arange(len(t)) > moving), q)
     swapped = np.arange(len(t))
     swapped[[moving, moving + 1]] = moving + 1, moving
     assert len(log_with(t[swapped], q[swapped]).time) == len(t)  # one row that came late
@@ -267,8 +269,22 @@ def test_zeros_of_a_driver_that_does_not_know_the_angles_are_left_out(real, rows
     assert len(log.time) == len(t) - count and "angles that the driver did not know" in log.note
 
 
+def test_poses_that_are_held_over_many_rows_are_known():
+    t = 0.001 * np.arange(5000)
+    q = np.column_stack([1.5 * np.sin(2 * np.pi * 0.3 * t + axis) for axis in range(6)])[np.arange(5000) // 100 * 100]
+    q -= q[2500]  # the arm passes zero
+    assert log_with(t, q).note == ""
+
+
 def test_times_in_minutes_are_refused(real):
     t, q = real
     with pytest.raises(InputError, match=r"times as fast as its limit .* in minutes"):
         check_log(log_with(t / 60, q), ROBOT)
     check_log(log_with(t, q), ROBOT)
+
+
+def test_a_short_log_in_packets_is_not_in_minutes():
+    row = np.arange(60)
+    arrived = 0.008 * np.minimum((row // 25 + 1) * 25 - 1, 59) + 0.0002 * (row % 25)
+    q = np.column_stack([0.8 * np.sin(2 * np.pi * (0.1 + 0.03 * axis) * 0.008 * row + axis) for axis in range(6)])
+    check_log(log_with(arrived, q), ROBOT)

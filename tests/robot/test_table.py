@@ -96,3 +96,11 @@ def test_labels_are_names_or_numbers_as_text(tmp_path):
     pyarrow.parquet.write_table(pyarrow.table(columns), tmp_path / "a.parquet")
     table = read_table(tmp_path / "a.parquet", words=words)
     assert table.texts(1).tolist() == ["pick", "", "4"] and np.isnan(table.values[0, 1])
+
+
+def test_separators_in_quotes_are_part_of_a_label(tmp_path):
+    path = tmp_path / "x.csv"
+    path.write_text('"time","q1","step"\n0,1,"pick, place"\n1,2,"""a""; b"\n2,3,5" pipe\n')
+    table = read_table(path, words=("step",))
+    assert table.header == ["time", "q1", "step"] and list(table.texts(2)) == ["pick, place", 'a"; b', '5" pipe']
+    np.testing.assert_array_equal(table.values[:, 1], [1, 2, 3])
