@@ -133,6 +133,14 @@ def a_file_that_a_proxy_refuses(page):
     assert page.query_selector("[role=status] #files-seconds") is None  # it would be read aloud every second
 
 
+def health_of_boxes(page):
+    shows(page, "#services", "source of mill away: no answer from 10.0.0.9")
+    shows(page, "#boxes tr:has-text('mill')", "away")
+    shows(page, "#boxes tr:has-text('cell1')", "12 of 1500")
+    shows(page, "#boxes tr:has-text('cell1')", "late 9, gap 3")
+    shows(page, "#cycles h3", "MAIN_FAST of cell1")
+
+
 def test_every_panel_shows_its_data_and_nothing_is_wrong(page_of_all, publisher):  # noqa: F811 - the fixture
     served, alarm = page_of_all
     address = served.server._site._settings.address
@@ -168,11 +176,7 @@ def test_every_panel_shows_its_data_and_nothing_is_wrong(page_of_all, publisher)
             shows(page, "#wrong", "daemon: source of mill away: no answer from 10.0.0.9 what to do")
             shows(page, "#wrong", f"{sent.device}: residual changed since 2025-10-09")
             assert page.is_hidden("#fast")  # tables for developers are folded
-            shows(page, "#services", "source of mill away: no answer from 10.0.0.9")
-            shows(page, "#boxes tr:has-text('mill')", "away")
-            shows(page, "#boxes tr:has-text('cell1')", "12 of 1500")
-            shows(page, "#boxes tr:has-text('cell1')", "late 9, gap 3")
-            shows(page, "#cycles h3", "MAIN_FAST of cell1")
+            health_of_boxes(page)
             assert page.is_hidden("#loop-controls")
             shows(page, "#files-section", "drop them on the page")
             page.focus("#hold")
