@@ -43,3 +43,10 @@ def test_the_timer_of_maintenance_starts_its_service(tmp_path):
         ["systemd-analyze", "verify", tmp_path / "acqd-maintain.timer"], capture_output=True, text=True, check=False
     )
     assert verified.returncode == 0 and "acqd" not in verified.stderr, verified.stderr
+
+
+def test_a_command_of_the_page_gives_way_and_its_end_is_not_that_of_the_page():
+    text = (ROOT / "systemd" / "acqd-web.service").read_text()
+    assert "OOMPolicy=continue\n" in text
+    filters = [line.partition("=")[2] for line in text.splitlines() if line.startswith("SystemCallFilter=")]
+    assert "setpriority" in filters[-1].split() and "@resources" in filters[-2].split()

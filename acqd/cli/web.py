@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import sys
 from typing import Annotated
 
@@ -11,6 +12,7 @@ import typer
 
 from acqd.cli.options import ConfigFile, Json, configured
 from acqd.daemon.config import Config
+from acqd.daemon.web_section import WebSection
 from acqd.extras import require
 from acqd.plc.realtime import die_with_parent
 from acqd.telemetry.ports import check_port
@@ -47,6 +49,8 @@ def web(
     chosen = Config.model_validate_json(sys.stdin.read()) if embedded else configured(config, host, port, "web")
     given = {"host": listen, "port": web_port, "token": token}
     section = chosen.web.model_copy(update={name: value for name, value in given.items() if value is not None})
+    if embedded and "NOTIFY_SOCKET" in os.environ:
+        section = without_work(section)
     check_port(section.host, section.port, "page")
     settings = settings_of(chosen, database or chosen.sink.database, section)
     server = Server(settings)
@@ -57,3 +61,13 @@ def web(
         address = orjson.dumps({"address": settings.address}).decode()
         print(address if json else f"look at {settings.address}", flush=True)
     server.run()
+
+
+def without_work(section: WebSection) -> WebSection:
+    """A page within acqd.service, which has memory for metering only: a search would end the metering."""
+    if section.files or section.loop:
+        _log.warning(
+            "[web] files and loop are off within acqd.service; set enabled = false there, and "
+            "systemctl enable --now acqd-web"
+        )
+    return section.model_copy(update={"files": False, "loop": False})

@@ -20,7 +20,7 @@ from acqd.telemetry import certificates
 from acqd.telemetry.mqtt import BrokerAddress, is_loopback
 
 _PATIENCE_S = 3.0
-_OPEN_TO_ALL = 0o007
+OPEN_TO_ALL = 0o007
 
 
 def broker_checks(config: Config) -> Iterator[Finding]:
@@ -56,7 +56,7 @@ def _secrets(config: Config) -> Iterator[Finding]:
     for name, login in logins.items():
         for key in ("password_file", "key_file"):
             path: Path | None = getattr(login, key)
-            if path is not None and path.is_file() and path.stat().st_mode & _OPEN_TO_ALL:
+            if path is not None and path.is_file() and path.stat().st_mode & OPEN_TO_ALL:
                 yield Finding("secrets", "warn", f"every user may open {name}.{key}", "chmod o= it, or LoadCredential")
 
 

@@ -6,7 +6,7 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
-from acqd.daemon.broker_checks import broker_checks
+from acqd.daemon.broker_checks import OPEN_TO_ALL, broker_checks
 from acqd.daemon.checks import database_check
 from acqd.daemon.config import Config
 from acqd.daemon.finding import Finding
@@ -17,7 +17,7 @@ from acqd.telemetry import certificates
 
 def config_checks(config: Config, *, connect: bool) -> list[Finding]:
     """Passwords, certificates, files and folders; with `connect` also the broker for every user, and the database."""
-    found = [*_logins(config), *_places(config)]
+    found = [*_logins(config), *_places(config), *_secrets(config)]
     if connect:
         found += [*broker_checks(config), database_check(config)]
     return found
@@ -66,6 +66,21 @@ def _places(config: Config) -> Iterator[Finding]:
             yield Finding(key, "fail", f"this user may not read {path}", "sudo, or other permissions")
         else:
             yield Finding(key, "ok", str(path))
+
+
+def _secrets(config: Config) -> Iterator[Finding]:
+    proxy, check = config.web.proxy, "web.proxy.secret_file"
+    if proxy is None:
+        return
+    try:
+        proxy.secret()
+    except UserError as error:
+        yield Finding(check, "fail", str(error), "is it there, and may this user read it (sudo)?")
+        return
+    if proxy.secret_file.stat().st_mode & OPEN_TO_ALL:
+        yield Finding(check, "warn", f"every user may open {proxy.secret_file}", f"chmod o= {proxy.secret_file}")
+    else:
+        yield Finding(check, "ok", str(proxy.secret_file))
 
 
 def _closed(path: Path | None) -> bool:

@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import Annotated
+
 from pydantic import Field, model_validator
 
 from acqd.daemon.section import Port
+from acqd.errors import UserError
 from acqd.section import FileName, Section
+
+HeaderName = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")]
+_FEWEST_LETTERS = 20
 
 
 class ProxySection(Section):
@@ -13,8 +20,8 @@ class ProxySection(Section):
 
     secret_file: FileName
     """Holds what the proxy sends as X-Acqd-Proxy: without it no header is believed, and no request answered."""
-    user_header: str = "X-Auth-Request-User"
-    groups_header: str = "X-Auth-Request-Groups"
+    user_header: HeaderName = "X-Auth-Request-User"
+    groups_header: HeaderName = "X-Auth-Request-Groups"
     """Groups are separated by commas."""
     read: list[str] = Field(default=[])
     """Groups that may look."""
@@ -26,6 +33,20 @@ class ProxySection(Section):
         if not self.read and not self.act:
             raise ValueError("read and act name no group: nobody could look")
         return self
+
+    def secret(self) -> str:
+        """The secret that proxy and page share. Raises UserError."""
+        path: Path = self.secret_file
+        try:
+            secret = path.read_text(encoding="ascii").strip()
+        except (OSError, UnicodeDecodeError) as error:
+            reason = error.strerror if isinstance(error, OSError) else "expected letters and digits"
+            raise UserError(f"[web.proxy] secret_file {path}: cannot be read ({reason})") from None
+        if len(secret) < _FEWEST_LETTERS or not secret.isprintable() or " " in secret:
+            raise UserError(
+                f"[web.proxy] secret_file {path}: expected {_FEWEST_LETTERS} letters or more: openssl rand -hex 20"
+            )
+        return secret
 
 
 class WebSection(Section):

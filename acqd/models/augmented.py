@@ -100,6 +100,8 @@ class _State:
     """Angles and signals of the last rows, for effects that depend on the past."""
     memory: dict[str, Any]
     """What effects remember from before the recent rows."""
+    scene: Scene | None = None
+    """What the effects of the last row were computed from."""
 
 
 _PAST = 75
@@ -162,6 +164,10 @@ class Augmented(Predictor):
         scene = self._scene(q, signals, start_s)
         return [self._since(term, term.by_joint(scene), start_s) for term in self._in_session(scene, start_s)]
 
+    def latest_by_joint(self, state: Any) -> list[Floats]:
+        """[axes + 1] W of every term in the last `step`; in the last column what is of no joint."""
+        return [term.by_joint(state.scene)[-1] for term in self._in_session(state.scene, None)]
+
     def _powers(self, scene: Scene, start_s: float | None) -> Floats:
         terms = self._in_session(scene, start_s)
         return np.sum([self._since(term, term.rows(scene), start_s) for term in terms], axis=0)  # type: ignore[no-any-return]
@@ -207,6 +213,7 @@ class Augmented(Predictor):
         angles = np.concatenate([past, own, window[middle + 1 : middle + 1 + RADIUS]])
         scene = self._scene(angles, recent_signals, None)
         scene.memory.update(state.memory)
+        state.scene = scene
         power = float(self._powers(scene, None)[-1])
         if passed := _passed(len(before)):
             for term in self.terms:

@@ -7,6 +7,7 @@ through the lag of the supply. The lag is linear, so that the sum is the predict
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -50,7 +51,7 @@ class Part:
 
 def has_parts(model: Predictor) -> bool:
     """Whether the power of a model has physical parts: that of a network has none."""
-    return isinstance(model.base if isinstance(model, Augmented) else model, GreyBox | Hybrid)
+    return isinstance(_base(model), GreyBox | Hybrid)
 
 
 def require_parts(model: Predictor, name: object) -> None:
@@ -73,10 +74,29 @@ def parts_of_recording(model: Predictor, asked: Recorded, rows: int) -> list[Par
     begun = asked.led_in(model.step_s)
     signals = model.known(begun.signals, len(begun.q))
     here = slice(begun.before, begun.before + rows)
-    parts = [*_of_base(model.base if isinstance(model, Augmented) else model, begun.q, signals)]
+    parts = _of_base(_base(model), continued(begun.q, 1), signals)
     if isinstance(model, Augmented):
         parts += _of_effects(model, begun, signals)
     return [Part(each.cause, each.name, each.joints[here], each.term) for each in parts]
+
+
+def latest_parts(model: Predictor, state: Any, q: Floats, signals: Floats) -> list[Part]:
+    """Parts [1, axes + 1] of the power that a `Stream` has predicted last. Raises UserError for a network.
+
+    `state` is the stream's; `q` [T, axes] and `signals` [T, k] are its rows, or as many of the last ones as the lag of
+    the supply needs.
+    """
+    require_parts(model, "the model")
+    rows = len(q) - model.radius
+    parts = _of_base(_base(model), np.concatenate([q[:1], q[: rows + 1]]), signals[:rows])
+    parts = [Part(each.cause, each.name, each.joints[-1:]) for each in parts]
+    if isinstance(model, Augmented):
+        parts += _named(model, [power[None] for power in model.latest_by_joint(state)])
+    return parts
+
+
+def _base(model: Predictor) -> Predictor:
+    return model.base if isinstance(model, Augmented) else model
 
 
 def added_power(model: Augmented, segment: Segment) -> Floats:
@@ -91,20 +111,23 @@ def added_power(model: Augmented, segment: Segment) -> Floats:
 def _of_effects(model: Augmented, begun: Recorded, signals: Floats) -> list[Part]:
     if not model.terms:
         return []
-    powers = model.effects_by_joint(continued(begun.q, RADIUS), signals, begun.start_s)
+    return _named(model, model.effects_by_joint(continued(begun.q, RADIUS), signals, begun.start_s))
+
+
+def _named(model: Augmented, powers: list[Floats]) -> list[Part]:
+    """Parts of the terms, from `powers` [T, axes + 1] W of each."""
     return [
         Part(holdable()[term.id].cause, f"{term.id} ({term.where})", power, term)
         for term, power in zip(model.terms, powers, strict=True)
     ]
 
 
-def _of_base(base: Predictor, q: Floats, signals: Floats) -> list[Part]:
-    """Parts [T, axes + 1] of a grey box or hybrid, of angles [T, axes] and the signals of any effects too."""
+def _of_base(base: Predictor, around: Floats, signals: Floats) -> list[Part]:
+    """Parts [T, axes + 1] of a grey box or hybrid, of angles [T + 2, axes] and the signals of any effects too."""
     signals = signals[:, : len(base.signals)]
-    around = continued(q, 1)
     if isinstance(base, Hybrid):
         network = base.network(residual_features(base.normal, around, base.step_s))
-        return [*_of_base(base.grey, q, signals), Part(Cause.UNNAMED, "network", _of_no_joint(network, base.axes))]
+        return [*_of_base(base.grey, around, signals), Part(Cause.UNNAMED, "network", _of_no_joint(network, base.axes))]
     assert isinstance(base, GreyBox)
     parts = [
         Part(_OF_TERMS[name], name, np.pad(power, ((0, 0), (0, 1))))

@@ -93,7 +93,7 @@ class Stream:
 
     def __init__(self, model: Predictor) -> None:
         self._model = model
-        self._state = model.start()
+        self.state = model.start()
         self._rows: deque[Floats] = deque(maxlen=2 * model.radius + 1)
         self._signals: deque[Floats] = deque(maxlen=model.radius + 1)
 
@@ -119,4 +119,4 @@ class Stream:
         self._rows.append(q)
         if len(self._rows) < 2 * self._model.radius + 1:
             return None
-        return self._model.step(self._state, np.array(self._rows), self._signals[0])
+        return self._model.step(self.state, np.array(self._rows), self._signals[0])

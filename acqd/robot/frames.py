@@ -11,15 +11,16 @@ from acqd.robot.description import RobotDescription
 
 
 def frames_of(description: RobotDescription) -> dict[str, Any]:
-    """`joints`: name, axis (unit vector), whether it slides, placement in the frame before; `flange`: placement.
+    """`joints`: name, axis (unit vector), whether it slides, its largest travel (m), placement in the frame before.
 
-    A placement is [12]: the rows of [R | p], p in m.
+    `flange`: placement. A placement is [12]: the rows of [R | p], p in m.
     """
     joints = [
         {
             "name": joint.name,
             "axis": np.round(np.array(joint.axis) / np.linalg.norm(joint.axis), 6).tolist(),
             "slides": joint.slides,
+            "travel": max(abs(joint.si(limit)) for limit in joint.limits) if joint.slides else 0.0,
             "at": _placement(joint.xyz, joint.rpy_deg),
         }
         for joint in description.joint

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import logging
 import threading
 import time
 from collections import deque
@@ -14,9 +15,11 @@ import orjson
 import paho.mqtt.client as paho
 from paho.mqtt.enums import CallbackAPIVersion
 
-from acqd.models.causes import has_parts, parts_of_recording
-from acqd.models.predictor import Predictor, Recorded, Stream
+from acqd.models.causes import has_parts, latest_parts
+from acqd.models.predictor import Predictor, Stream
 from acqd.telemetry.mqtt import NO_DELAY, BrokerAddress
+
+_log = logging.getLogger(__name__)
 
 _MIN_STEP, _MAX_STEP = 0.75, 1.75
 """Model steps between rows: earlier rows are left out, after a longer gap the prediction starts again."""
@@ -24,7 +27,7 @@ _MIN_STEP, _MAX_STEP = 0.75, 1.75
 _CAUSES_S = 0.2
 """Between two messages with causes: five a second are enough for a picture."""
 _REMEMBERED = 75
-"""Rows that the split by cause is computed from; its first rows do not know the lag of the supply."""
+"""Rows that the split by cause is computed from: 3 s are longer than the lag of any supply."""
 
 
 class _Row(NamedTuple):
@@ -46,7 +49,7 @@ class Live:
     predicted: int = 0
     _stream: Stream | None = None
     _last_s: float = 0.0
-    _split_s: float = 0.0
+    _split_s: float = -np.inf
     _recent: deque[_Row] = field(default_factory=lambda: deque(maxlen=_REMEMBERED))
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
@@ -58,24 +61,32 @@ class Live:
             return None
         with self._lock:
             power = self._step(row)
-            split = {} if power is None else self._causes(row.time_s)
+            split = {} if power is None else self._split(row.time_s)
         if power is None:
             return None
         self.predicted += 1
         late_s = self.model.radius * self.model.step_s
         return orjson.dumps({"time": row.time_s - late_s, "P_predicted": power, "late_s": late_s} | split)
 
-    def _causes(self, now_s: float) -> dict[str, Any]:
-        """The predicted power by cause [W], and the largest cause at every joint; at times only, and of no network."""
+    def _split(self, now_s: float) -> dict[str, Any]:
+        """See `_causes`; at times only, and of no network. Predictions go on where the split fails."""
         if now_s - self._split_s < _CAUSES_S or not has_parts(self.model):
             return {}
         self._split_s = now_s
+        try:
+            return self._causes()
+        except Exception:
+            _log.exception("no causes in %s until the rows pause", self.power_topic)
+            self._split_s = np.inf
+            return {}
+
+    def _causes(self) -> dict[str, Any]:
+        """The power predicted last by cause [W], and the largest cause at every joint."""
+        assert self._stream is not None
         q, signals = (np.array([row[k] for row in self._recent]) for k in (1, 2))
-        at = len(q) - 1 - self.model.radius
-        parts = parts_of_recording(self.model, Recorded(q, signals, self._recent[0].time_s), len(q))
         joints: dict[str, Any] = {}
-        for part in parts:
-            joints[part.cause.value] = joints.get(part.cause.value, 0.0) + part.joints[at]
+        for part in latest_parts(self.model, self._stream.state, q, signals):
+            joints[part.cause.value] = joints.get(part.cause.value, 0.0) + part.joints[0]
         names, powers = list(joints), np.array(list(joints.values()))
         leading, whole = np.abs(powers[:, :-1]).argmax(axis=0), powers[:, :-1].sum(axis=0)
         return {
@@ -102,6 +113,7 @@ class Live:
             return None  # the sender is faster than the model
         if self._stream is None or not 0 < elapsed < _MAX_STEP * step:
             self._recent.clear()
+            self._split_s = -np.inf  # the sender's clock may have been set back
             self._stream = Stream(self.model)  # to the model, a missing row would be a jump of the arm
         self._last_s = row.time_s
         self._recent.append(row)
@@ -125,6 +137,8 @@ class Live:
         client.on_message = self._on_message
         client.on_socket_open = _no_delay
         client.reconnect_delay_set(1, 15)
+        client.suppress_exceptions = True  # one row must not end the thread of all later ones
+        client.enable_logger(_log)
         client.connect_async(address.host, address.port, keepalive=10)
         client.loop_start()
         return client

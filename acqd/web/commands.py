@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import logging
 import os
+import signal
 import sys
 from collections.abc import Callable, Sequence
 
@@ -15,9 +17,12 @@ from acqd.daemon.child import end
 from acqd.errors import UserError
 
 _STOP_S = 5.0
-_NICE = 15
-_LINE_BYTES = 1 << 20
+_LINE_BYTES = 1 << 16
+_SAID_LETTERS = 1000
 _OUTPUT_BYTES = 8 << 20
+_SECRETS = ("password", "sslpassword")
+"""Of the query of a database's URL."""
+_log = logging.getLogger(__name__)
 Told = Callable[[str, float], None]
 """Takes a step and the share of it that is done."""
 
@@ -31,27 +36,27 @@ class Commands:
     async def run(self, arguments: Sequence[str], told: Told, secrets: dict[str, str] | None = None) -> bytes:
         """What a command writes to stdout. Raises UserError with its last line when it fails.
 
-        `secrets`: variables of its environment; other users can read the arguments of a process.
+        The process has ended when this function ends, however it ends. `secrets`: variables of its environment; other
+        users can read the arguments of a process.
         """
         self.process = process = await asyncio.create_subprocess_exec(
-            *(sys.executable, "-P", "-m", "acqd", *arguments),
+            *(sys.executable, "-P", "-m", "acqd.cli.errand", *arguments),
             stdin=asyncio.subprocess.DEVNULL,
             stdout=asyncio.subprocess.PIPE,
             stderr=asyncio.subprocess.PIPE,
-            limit=_LINE_BYTES,
             env=os.environ | {"ACQD_PROGRESS": "lines"} | (secrets or {}),
             start_new_session=True,
         )
-        with contextlib.suppress(ProcessLookupError):
-            os.setpriority(os.PRIO_PROCESS, process.pid, _NICE)  # the chain that measures goes first
-        written, said = await asyncio.gather(_output(process), _steps(process, told))
-        if await process.wait():
-            raise UserError(said.removeprefix("acqd: ") or f"acqd {arguments[0]} ended with code {process.returncode}")
+        try:
+            written, said = await asyncio.gather(_output(process), _steps(process, told))
+            code = await process.wait()
+        finally:
+            await end(process, _STOP_S)
+        if code == -signal.SIGKILL:
+            raise UserError(f"acqd {arguments[0]} was killed: it needs more memory than there is; see MemoryMax")
+        if code:
+            raise UserError(said.removeprefix("acqd: ") or f"acqd {arguments[0]} ended with code {code}")
         return written
-
-    async def end(self) -> None:
-        """End the process that runs."""
-        await end(self.process, _STOP_S)
 
 
 async def _output(process: asyncio.subprocess.Process) -> bytes:
@@ -65,14 +70,21 @@ async def _output(process: asyncio.subprocess.Process) -> bytes:
 async def _steps(process: asyncio.subprocess.Process, told: Told) -> str:
     """The last line that is no progress."""
     assert process.stderr is not None
-    said = ""
-    while line := await process.stderr.readline():
-        step = _step(line)
-        if step is None:
-            said = line.decode(errors="replace").strip() or said
-        else:
-            told(*step)
-    return said
+    said, rest = "", b""
+    while piece := await process.stderr.read(1 << 16):
+        *lines, rest = (rest + piece).split(b"\n")
+        rest = rest[:_LINE_BYTES]  # of a longer line the beginning
+        for line in lines:
+            step = _step(line)
+            if step is None:
+                said = _text(line) or said
+            else:
+                told(*step)
+    return _text(rest) or said
+
+
+def _text(line: bytes) -> str:
+    return line.decode(errors="replace").strip()[:_SAID_LETTERS]
 
 
 def _step(line: bytes) -> tuple[str, float] | None:
@@ -82,12 +94,26 @@ def _step(line: bytes) -> tuple[str, float] | None:
     return None
 
 
+def one_line(error: Exception) -> str:
+    """What the page says of an error; one that nobody has foreseen goes to the log with its place, too."""
+    if isinstance(error, UserError | OSError):
+        return str(error)
+    _log.error("work of the page failed", exc_info=error)
+    return f"unexpected {type(error).__name__}: {(str(error).splitlines() or [''])[0]}; see the log of acqd web"
+
+
 def without_password(database: str) -> str:
-    """The database as an argument of a command."""
-    return sa.make_url(database).set(password=None).render_as_string() if "://" in database else database
+    """The database as an argument of a command; the password of a client's key cannot be handed over otherwise."""
+    if "://" not in database:
+        return database
+    url = sa.make_url(database).difference_update_query(_SECRETS)
+    return url._replace(password=None).render_as_string(hide_password=False)
 
 
 def password_of(database: str) -> dict[str, str]:
     """The password in the environment, where libpq looks for it."""
-    password = sa.make_url(database).password if "://" in database else None
+    if "://" not in database:
+        return {}
+    url = sa.make_url(database)
+    password = url.password or url.query.get("password")
     return {"PGPASSWORD": str(password)} if password else {}

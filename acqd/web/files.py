@@ -9,31 +9,39 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import io
+import re
 import shutil
 import time
+from collections import deque
 from collections.abc import AsyncIterator
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
 import orjson
 
-from acqd.errors import UserError
+from acqd.errors import InputError, UserError
 from acqd.extras import LOOP, require
 from acqd.robot.bag import is_bag
 from acqd.robot.description import RobotDescription, load_description
 from acqd.robot.log_layout import layout_of
+from acqd.robot.table import Table, text_of
 from acqd.robot.table_text import joined, text_tables
-from acqd.web.commands import Commands, password_of, without_password
-from acqd.web.dropped import Dropped
+from acqd.web.commands import Commands, one_line, password_of, without_password
+from acqd.web.dropped import SILENT_S, Dropped
 from acqd.web.settings import WebSettings
+from acqd.web.work_folder import WorkFolder, remove_left
 
 _HEAD_BYTES = 1 << 16
 _USUAL_ROBOT = "iiwa7_r800"
-_ROWS = {".jsonl", ".ndjson", ".sqlite", ".db"}
+_ROWS = {".jsonl", ".ndjson", ".sqlite", ".sqlite3", ".db"}
+_TEXT = {".csv", ".log", ".txt"}
+"""Of logs; with another suffix `acqd dataset build` passes a log over."""
 _POWER_IN_LOGS = {"power", "actual_robot_voltage", "P"}
-_SILENT_S = 60.0
-"""A visitor who sends nothing for so long has gone."""
+_VISITS = 100
+_OPTION = re.compile(r"(?<!\S)--[a-z]")
+_FOLDERS = re.compile(r"(?<![\w.:/])/(?:[\w.+-]+/)+")
 _COMPANIONS = {".cfg": ".dat"}
 """Files that belong to another of the same name."""
 
@@ -59,6 +67,8 @@ class FilesState:
     ended: float | None = None
     error: str = ""
     folder: str = ""
+    visit: str = ""
+    """Whose files they are, as the visitor's page calls itself."""
     files: list[Seen] = field(default_factory=list)
     pages: list[str] = field(default_factory=list)
     """Of dataset and result, those that exist."""
@@ -70,13 +80,15 @@ class Files:
     def __init__(self, settings: WebSettings) -> None:
         self._settings, self._section = settings, settings.section
         self._task: asyncio.Task[None] | None = None
+        self._arriving: asyncio.Task[str] | None = None
         self._commands = Commands()
         self._dropped: Dropped | None = None
-        self._visit, self._heard = "", 0.0
+        self._folder: WorkFolder | None = None
+        self._timer: asyncio.TimerHandle | None = None
+        self._ended: deque[str] = deque(maxlen=_VISITS)
         self.state = FilesState()
         if self._section.files and self._section.reports is not None:
-            for left in self._section.reports.glob(".files-*"):  # of a page that was killed
-                shutil.rmtree(left, ignore_errors=True)
+            remove_left(self._section.reports)
 
     @property
     def running(self) -> bool:
@@ -91,37 +103,65 @@ class Files:
         """Store one file; the first one of a visit begins a new state. Raises UserError."""
         if self.running:
             raise UserError("files are being worked through already; wait, or cancel")
-        if self.state.state == "receiving" and visit != self._visit:
-            if time.monotonic() - self._heard < _SILENT_S:
-                raise UserError("another visitor is sending files; try again in a minute")
-            self._end("cancelled")
-        self._visit, self._heard = visit, time.monotonic()
+        if self._arriving is not None:
+            raise UserError("another file is arriving; try again in a minute")
+        if visit in self._ended:
+            raise UserError("these files were cancelled; drop all of them again")
+        if self.state.state == "receiving" and visit != self.state.visit:
+            raise UserError("another visitor is sending files; try again in a minute")
         if self.state.state != "receiving":
-            assert self._section.reports is not None
-            now = time.time()
-            stem = time.strftime("files-%Y%m%dT%H%M%SZ", time.gmtime(now))
-            work = self._section.reports / f".{stem}"
-            self._dropped = Dropped(work / "in", int(self._section.files_MB * 1e6))
-            self.state = FilesState("receiving", begun=now, folder=stem)
+            self._begin(visit)
+        if self._timer is not None:
+            self._timer.cancel()
         assert self._dropped is not None
-        stored = await self._dropped.take(name, body)
-        self._heard = time.monotonic()
-        self.state.files.append(Seen(stored))
+        self._arriving = arriving = asyncio.create_task(self._dropped.take(name, body))
+        try:
+            await asyncio.wait({arriving})
+        finally:
+            arriving.cancel()
+            self._arriving = None
+            self._timer = asyncio.get_running_loop().call_later(SILENT_S, self._forget)
+        if arriving.cancelled() or self.state.state != "receiving":
+            raise UserError("these files were cancelled; drop all of them again")
+        self.state.files.append(Seen(arriving.result()))
 
-    def start(self) -> None:
+    def _begin(self, visit: str) -> None:
+        """Raises UserError."""
+        assert self._section.reports is not None
+        self._folder = WorkFolder(self._section.reports)
+        self._dropped = Dropped(self._folder.path / "in", int(self._section.files_MB * 1e6))
+        self.state = FilesState("receiving", begun=time.time(), folder=self._folder.name, visit=visit)
+
+    def _forget(self) -> None:
+        """Remove the files of a visitor who has gone."""
+        if self.state.state == "receiving":
+            self._end("cancelled")
+
+    def start(self, visit: str = "") -> None:
         """Work through the files that are there. Raises UserError."""
+        self._require_of(visit)
         if self.state.state != "receiving" or not self.state.files:
             raise UserError("there is no file yet")
+        if self._arriving is not None:
+            raise UserError("a file is still arriving")
         self.state.state = "running"
         self._task = asyncio.create_task(self._run())
 
-    async def cancel(self) -> None:
-        """Forget the files, and end what runs."""
-        if self._task is not None and not self._task.done():
-            self._task.cancel()
-            await asyncio.gather(self._task, return_exceptions=True)
-        elif self.state.state == "receiving":
+    async def cancel(self, visit: str | None = None) -> None:
+        """Forget the files, and end what runs. Raises UserError for files of another visit; None: of any."""
+        if visit is not None:
+            self._require_of(visit)
+        ending = [task for task in (self._task, self._arriving) if task is not None and not task.done()]
+        for task in ending:
+            task.cancel()
+        await asyncio.gather(*ending, return_exceptions=True)
+        if self.state.state in ("receiving", "running"):
             self._end("cancelled")
+
+    def _require_of(self, visit: str) -> None:
+        """Raises UserError for files of another visit."""
+        if self.state.state in ("receiving", "running") and visit != self.state.visit:
+            raise UserError("these are files of another visitor")
 
     async def _run(self) -> None:
         try:
@@ -129,24 +169,26 @@ class Files:
             await self._close()
             self._end("done")
         except asyncio.CancelledError:
-            await self._commands.end()
             self._end("cancelled")
             raise
-        except (UserError, OSError) as error:
-            self._end("failed", self._plain(error))
+        except Exception as error:  # else the page would show work that never ends
+            self._end("failed", self._plain(one_line(error)))
 
     @property
     def _work(self) -> Path:
-        assert self._section.reports is not None
-        return self._section.reports / f".{self.state.folder}"
+        assert self._folder is not None
+        return self._folder.path
 
     def _end(self, state: Literal["done", "failed", "cancelled"], error: str = "") -> None:
-        work, place = self._work, self._work.with_name(self.state.folder)
-        if state == "done" and self.state.pages:
-            shutil.rmtree(work / "in", ignore_errors=True)
-            work.rename(place)
-        else:
-            shutil.rmtree(work, ignore_errors=True)
+        if self._folder is not None:
+            if state == "done" and self.state.pages:
+                shutil.rmtree(self._work / "in", ignore_errors=True)
+                self._folder.keep()
+            else:
+                self._folder.remove()
+            self._folder = None
+        if self.state.visit:
+            self._ended.append(self.state.visit)
         self.state.state, self.state.error, self.state.ended = state, error, time.time()
 
     async def _look(self) -> None:
@@ -173,18 +215,26 @@ class Files:
         try:
             found = orjson.loads(await self._commands.run(["replay", "--inspect", str(path), "--json"], self._told))
             if found.get("refusal"):
-                return "unknown", f"no log, and no waveform that can be metered as it is: {found['refusal']}"
+                return (
+                    "unknown",
+                    f"no log, and no waveform that can be metered as it is: {self._plain(found['refusal'])}",
+                )
             self._told(f"metering {path.name}", 0.0)
             await self._commands.run(["replay", str(path), "--out", str(out)], self._told)
         except (UserError, orjson.JSONDecodeError) as error:
-            return "unknown", f"no log of {self._section.robot or _USUAL_ROBOT}, and no waveform: {self._plain(error)}"
+            return (
+                "unknown",
+                f"no log of {self._section.robot or _USUAL_ROBOT}, and no waveform: {self._plain(str(error))}",
+            )
         return "waveform", await asyncio.to_thread(_figures, out, found)
 
-    def _plain(self, error: Exception) -> str:
-        """A message without the folders of this computer."""
-        return (
-            str(error).replace(f"{self._work}/in/", "").replace(f"{self._work}/logs/", "").replace(f"{self._work}/", "")
-        )
+    def _plain(self, text: str) -> str:
+        """A message without the folders of this computer, and where options are those of the command line."""
+        if self._folder is not None:
+            for folder in (self._work / "in", self._work / "logs", self._work):
+                text = text.replace(f"{folder}/", "")
+        advice = "; the page has no options: use acqd in a terminal" if _OPTION.search(text) else ""
+        return _FOLDERS.sub("", text) + advice
 
     async def _close(self) -> None:
         """A dataset of the logs, and the loop on it where the page has a model. Raises UserError."""
@@ -197,7 +247,7 @@ class Files:
         folder = self._work / "logs"
         folder.mkdir()
         for name in logs:
-            (self._work / "in" / name).rename(folder / name)
+            (self._work / "in" / name).rename(folder / _readable(name))
         try:
             await self._build(folder)
             if self._section.model is not None:
@@ -238,55 +288,66 @@ class Files:
         self.state.step, self.state.share = step, share
 
 
-def _begin_of(path: Path) -> bytes:
-    """The first whole lines."""
-    with contextlib.suppress(OSError), path.open("rb") as file:
+def _readable(name: str) -> str:
+    """A name by which a log is read."""
+    path = Path(name)
+    return name if path.suffix in (*_TEXT, ".parquet") or is_bag(path) else f"{name}.csv"
+
+
+def _beginning(path: Path) -> Table:
+    """The first rows of a table, of Parquet the names of the columns. Raises UserError, OSError, ValueError."""
+    if path.suffix == ".parquet":
+        require("Parquet", ("pyarrow",), "data")
+        import pyarrow.parquet
+
+        names = pyarrow.parquet.read_schema(path).names
+        return Table(names, np.empty((0, len(names))), np.empty(0, np.int64))
+    with path.open("rb") as file:
         head = file.read(_HEAD_BYTES)
-        return head if len(head) < _HEAD_BYTES else head.rpartition(b"\n")[0]
-    return b""
-
-
-def _columns(path: Path) -> set[str]:
-    """Names in the first line of a table."""
-    line = _begin_of(path).decode("utf-8-sig", errors="replace").partition("\n")[0]
-    for sign in ("\t", ";"):
-        line = line.replace(sign, ",")
-    return {name.strip().strip('"') for name in line.split(",")}
+    whole = len(head) < _HEAD_BYTES
+    if head.startswith((b"\xff\xfe", b"\xfe\xff")):
+        head = head.decode("utf-16", errors="ignore").encode()
+    if b"\0" in head:
+        raise InputError(path, "is no text")
+    head = head if whole else head.rpartition(b"\n")[0]
+    return joined(list(text_tables(path, text_of(path, io.BytesIO(head)))))
 
 
 def _plain_kind(path: Path, robot: RobotDescription) -> Literal["power", "log", ""]:
-    """Power by its ending or as a table with P and time and no angles, a log by its columns; "" for another file."""
+    """A log by its columns, power by its ending or as another table with P and time; "" for another file."""
     if path.suffix in _ROWS:
         return "power"
     if is_bag(path):
         return "log"
-    names = _columns(path)
-    if "P" in names and {"time", "filetime"} & names and "q1" not in names:
-        return "power"
-    begin = _begin_of(path)
-    if b"\0" in begin:
-        return ""
-    try:
-        return "log" if layout_of(joined(list(text_tables(path, io.BytesIO(begin)))), robot) else ""
-    except (UserError, ValueError):
-        return ""
+    with contextlib.suppress(UserError, OSError, ValueError):
+        table = _beginning(path)
+        if layout_of(table, robot):
+            return "log"
+        names = set(table.header or ())
+        return "power" if "P" in names and {"time", "filetime"} & names else ""
+    return ""
 
 
 def _logs_have_power(logs: Path) -> bool:
     """Whether the logs have columns of power themselves."""
-    return all(_columns(path) & _POWER_IN_LOGS for path in logs.iterdir())
+    with contextlib.suppress(UserError, OSError, ValueError):
+        return all(not is_bag(path) and _POWER_IN_LOGS & set(_beginning(path).header or ()) for path in logs.iterdir())
+    return False
 
 
 def _figures(rows: Path, found: dict[str, Any]) -> str:
-    """Mean power and energy of metered rows."""
-    powers, energy, seconds = [], 0.0, found["samples"] / found["rate"] if found.get("rate") else 0.0
+    """Mean power and energy of metered rows: of the total, else of L1."""
+    powers: dict[str, list[float]] = {"total": [], "L1": []}
+    energies: dict[str, float] = {}
     with rows.open("rb") as lines:
         for line in lines:
             row = orjson.loads(line)
-            if row["channel"] in ("total", "L1") and row["P"] is not None:
-                powers.append((row["channel"], row["P"]))
-                energy = max(energy, abs(row["W"] or 0.0))
-    chosen = [P for channel, P in powers if channel == "total"] or [P for _, P in powers]
+            if row["channel"] in powers and row["P"] is not None:
+                powers[row["channel"]].append(row["P"])
+                energies[row["channel"]] = row["W"] or 0.0
+    seconds = found["samples"] / found["rate"] if found.get("rate") else 0.0
+    channel = "total" if powers["total"] else "L1"
+    chosen = powers[channel]
     if not chosen:
         return f"{seconds:.3g} s: no window of 40 ms is complete"
-    return f"{seconds:.3g} s metered: mean power {sum(chosen) / len(chosen):.5g} W, {1000 * energy:.4g} Wh"
+    return f"{seconds:.3g} s metered: mean power {np.mean(chosen):.5g} W, {1000 * energies[channel]:.4g} Wh"

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
-import re
 from typing import Any
 
 from starlette.requests import ClientDisconnect, Request
@@ -16,10 +14,9 @@ from acqd.web.files import Files
 from acqd.web.job import LoopJob
 from acqd.web.loop_routes import own_request
 from acqd.web.proxy import acts
-from acqd.web.reports import REPORT_POLICY
+from acqd.web.reports import OF_FILES, REPORT_POLICY
 from acqd.web.settings import WebSettings
 
-_FOLDER = re.compile(r"files-\d{8}T\d{6}Z")
 _PAGES = ("dataset", "result")
 _BUSY = "a search is running: wait for it, or cancel it"
 
@@ -31,7 +28,6 @@ class FilesRoutes:
         """`loop`: no files are worked through while it runs."""
         self._section, self._loop = settings.section, loop
         self.files = Files(settings)
-        self._taking = asyncio.Lock()
 
     def routes(self) -> list[Route]:
         """GET the state and results; POST a file, start, cancel."""
@@ -63,25 +59,27 @@ class FilesRoutes:
         return guarded
 
     async def _add(self, request: Request) -> None:
-        async with self._taking:  # one after another: sizes add up
-            query = request.query_params
-            try:
-                await self.files.take(query.get("name", ""), request.stream(), query.get("visit", ""))
-            except ClientDisconnect:
-                raise UserError("the file was not sent completely") from None
+        try:
+            await self.files.take(request.query_params.get("name", ""), request.stream(), _visit(request))
+        except ClientDisconnect:
+            raise UserError("the file was not sent completely") from None
 
-    async def _start(self, _: Request) -> None:
+    async def _start(self, request: Request) -> None:
         if self._loop.running:
             raise UserError(_BUSY)
-        self.files.start()
+        self.files.start(_visit(request))
 
-    async def _cancel(self, _: Request) -> None:
-        await self.files.cancel()
+    async def _cancel(self, request: Request) -> None:
+        await self.files.cancel(_visit(request))
 
     async def _page(self, request: Request) -> Response:
         folder, page = request.path_params["folder"], request.path_params["page"]
-        if self._section.files and self._section.reports and _FOLDER.fullmatch(folder) and page in _PAGES:
+        if self._section.files and self._section.reports and OF_FILES.fullmatch(folder) and page in _PAGES:
             path = self._section.reports / folder / page / "report.html"
             if path.is_file():
                 return FileResponse(path, headers=NOT_KEPT | {"content-security-policy": REPORT_POLICY})
         return Response("there is no such report", 404, HEADERS)
+
+
+def _visit(request: Request) -> str:
+    return request.query_params.get("visit", "")

@@ -17,7 +17,7 @@ import sqlalchemy as sa
 from acqd.errors import UserError
 from acqd.extras import LOOP, require
 from acqd.timestamps import rfc3339_ms
-from acqd.web.commands import Commands, password_of, without_password
+from acqd.web.commands import Commands, one_line, password_of, without_password
 from acqd.web.predictions import logs_since
 from acqd.web.settings import WebSettings
 
@@ -76,7 +76,9 @@ class LoopJob:
         return self.state.state == "running"
 
     def run(self) -> None:
-        """Do what `start` has prepared; in the event loop."""
+        """Do what `start` has prepared, unless it was cancelled meanwhile; in the event loop."""
+        if not self.running:
+            return
         self._task = asyncio.create_task(self._run())
 
     async def cancel(self) -> None:
@@ -84,6 +86,8 @@ class LoopJob:
         if self._task is not None and not self._task.done():
             self._task.cancel()
             await asyncio.gather(self._task, return_exceptions=True)
+        if self.running:  # a job that had not begun
+            self._end("cancelled")
 
     def as_json(self) -> dict[str, Any]:
         """The state."""
@@ -96,11 +100,10 @@ class LoopJob:
             await self._command(self._close(folder), 2)
             self._end("done")
         except asyncio.CancelledError:
-            await self._commands.end()
             self._end("cancelled")
             raise
-        except (UserError, OSError) as error:
-            self._end("failed", str(error))
+        except Exception as error:  # else the page would show a search that never ends
+            self._end("failed", one_line(error))
 
     def _folder(self) -> Path:
         assert self._section.reports is not None

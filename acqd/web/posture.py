@@ -13,6 +13,11 @@ from acqd.robot.description import load_description
 from acqd.robot.frames import frames_of
 
 _MOST_JOINTS = 16
+_FARTHEST_S = 3600.0
+_OTHER_CLOCK = (
+    "acqd/DEVICE/joints: expected time as Unix s of the meter's clock, to within 1 h of this computer's; a message "
+    "without a time is of now"
+)
 
 
 class Posture:
@@ -37,7 +42,7 @@ class Posture:
     def joints(self, payload: bytes) -> dict[str, object] | None:
         """Time [Unix s] and positions [rad or m] of a message of acqd/DEVICE/joints; None where they are unusable.
 
-        A message without a time is of now.
+        A message without a time is of now. Where its time is of another clock or unit, `note` says so.
         """
         try:
             message = orjson.loads(payload)
@@ -46,4 +51,7 @@ class Posture:
             return None
         if not self._axes or len(q) != self._axes or not all(map(math.isfinite, (time_s, *q))):
             return None
-        return {"time": time_s, "q": [round(angle, 4) for angle in q]}
+        far = abs(time_s - time.time()) > _FARTHEST_S
+        if far or self.note == _OTHER_CLOCK:
+            self.note = _OTHER_CLOCK if far else ""
+        return None if far else {"time": time_s, "q": [round(angle, 4) for angle in q]}

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hmac
 from dataclasses import dataclass
-from pathlib import Path
 
 from starlette.datastructures import Headers
 from starlette.requests import Request
@@ -20,7 +19,6 @@ from acqd.errors import UserError
 
 PROOF = "x-acqd-proxy"
 _KEY = "acqd.person"
-_FEWEST_LETTERS = 20
 _MOST_LETTERS = 200
 
 
@@ -69,9 +67,14 @@ class BehindProxy:
 
 
 def _only(headers: Headers, name: str) -> str:
-    """The value of a header; "" where it is missing, or there twice."""
+    """The value of a header, in UTF-8 or else Latin-1; "" where it is missing, or there twice."""
     values = headers.getlist(name)
-    return values[0] if len(values) == 1 else ""
+    if len(values) != 1:
+        return ""
+    try:
+        return values[0].encode("latin-1").decode("utf-8")
+    except UnicodeDecodeError:
+        return values[0]
 
 
 def acts(request: Request) -> bool:
@@ -84,18 +87,3 @@ def named(request: Request) -> str:
     """Who asks, as the proxy says, and from where."""
     person, address = request.scope.get(_KEY), request.client.host if request.client else ""
     return f"{person.name} by the proxy at {address}" if person is not None else address
-
-
-def secret_of(section: ProxySection) -> str:
-    """The secret that proxy and page share. Raises UserError."""
-    path: Path = section.secret_file
-    try:
-        secret = path.read_text(encoding="ascii").strip()
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "expected letters and digits"
-        raise UserError(f"[web.proxy] secret_file {path}: cannot be read ({reason})") from None
-    if len(secret) < _FEWEST_LETTERS or not secret.isprintable() or " " in secret:
-        raise UserError(
-            f"[web.proxy] secret_file {path}: expected {_FEWEST_LETTERS} letters or more: openssl rand -hex 20"
-        )
-    return secret

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,8 @@ REPORT_POLICY = (
     "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:; sandbox allow-scripts"
 )
 """A report is one self-contained file. The sandbox keeps its script away from the page's cookie and requests."""
+OF_FILES = re.compile(r"files-\d{8}T\d{6}Z")
+"""Name of a folder with what became of a visitor's files."""
 _KEYS = (
     "verdict", "before", "after", "effects", "correction", "unexplained", "next", "measured", "recordings", "model",
     "dataset",
@@ -27,9 +30,9 @@ def newest_report(folder: Path | None) -> Path | None:
 
 
 def _is_of_loop(page: Path, folder: Path) -> bool:
-    """Whether a page is no report of a dataset, and of no search that is still at work in a hidden folder."""
-    hidden = any(part.startswith(".") for part in page.relative_to(folder).parts)
-    return not hidden and not (page.parent / "manifest.json").exists()
+    """Whether a page is no report of a dataset, of a visitor's files, or of a search at work in a hidden folder."""
+    other = any(part.startswith(".") or OF_FILES.fullmatch(part) for part in page.relative_to(folder).parts)
+    return not other and not (page.parent / "manifest.json").exists()
 
 
 def summary(report: Path) -> dict[str, Any]:

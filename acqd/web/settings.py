@@ -12,7 +12,6 @@ from acqd.daemon.energy_section import EnergySection
 from acqd.daemon.health.section import HealthSection
 from acqd.daemon.web_section import WebSection
 from acqd.telemetry.mqtt import BrokerAddress
-from acqd.web.proxy import secret_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +44,7 @@ class WebSettings:
 
 def settings_of(config: Config, database: str, section: WebSection) -> WebSettings:
     """The settings of [web], as the command line may have changed it. Raises UserError."""
-    secret = secret_of(section.proxy) if section.proxy is not None else ""
+    secret = section.proxy.secret() if section.proxy is not None else ""
     token = None if secret else token_for(section.host, section.token or None)
     archive = config.archive.place(config.state_dir, config.device) if config.archived else None
     return WebSettings(

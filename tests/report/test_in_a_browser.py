@@ -1,5 +1,8 @@
 """A report with every kind of block, as readers see it."""
 
+import json
+import math
+
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
@@ -13,6 +16,7 @@ from acqd.robot.frames import frames_of
 from acqd.robot.kinematics import forward_kinematics
 from tests.browser import chromium, looks, serious_findings
 from tests.report.charts import chart
+from tests.robot.sliding import scara
 
 pytestmark = pytest.mark.browser
 
@@ -45,6 +49,10 @@ def the_arm_moves_by_keyboard(view):
     arm = Arm(load_description("iiwa7_r800"))
     wanted, _ = forward_kinematics(arm, np.array([[0.0, 0.5, 0.0, -1.4, 0.0, 1.1, 0.0]]))
     assert np.allclose(flange, wanted[0], atol=1e-5)
+    frames, q = json.dumps(frames_of(scara())), [0.3, -0.5, -1.0, 0.2]
+    wanted, _ = forward_kinematics(Arm(scara()), np.array([q]))
+    assert np.allclose(view.evaluate(f"acqdArm.posture({frames}, {q}).points.at(-1)"), wanted[0], atol=2e-5)
+    assert view.evaluate(f"acqdArm.reach({frames})") == pytest.approx(0.3 + 0.4 + 0.3 + math.hypot(0.01, 0.1) + 0.1 + 1)
 
 
 def test_a_report_has_no_serious_accessibility_finding_and_shows_its_values(tmp_path):

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from acqd.report import KeyFigure, Page, Verdict
 from acqd.report.bars import Bar, ranked
 from tests.report.charts import chart
+from tests.report.test_in_a_browser import arm_view
 
 
 class _Tags(HTMLParser):
@@ -113,3 +114,9 @@ def test_a_page_holds_other_pages(tmp_path):
         outer.chapter(f"Chapter <{number}>", tmp_path / "inner.html")
     text = whole(outer)
     assert "<summary>Chapter &lt;1&gt;</summary><h3>Inner &lt;1&gt;</h3>" in text and text.count("<body>") == 1
+
+
+def test_an_arm_without_javascript_has_a_sentence():
+    page = Page("Arm", simulated=True)
+    page.arm(arm_view())
+    assert "<noscript><p>The arm in motion needs JavaScript.</p></noscript>" in whole(page)

@@ -9,11 +9,13 @@ from acqd.robot.arm import Arm
 from acqd.robot.description import load_description
 from acqd.robot.frames import frames_of
 from acqd.robot.kinematics import joint_origins
+from tests.robot.sliding import scara
+
+DESCRIPTIONS = [*map(load_description, ("iiwa7_r800", "ur10e", "kinova_gen3")), scara()]
 
 
-@pytest.mark.parametrize("name", ["iiwa7_r800", "ur10e", "kinova_gen3"])
-def test_placements_and_axes_give_the_places_of_the_joints(name):
-    description = load_description(name)
+@pytest.mark.parametrize("description", DESCRIPTIONS, ids=lambda each: each.name)
+def test_placements_and_axes_give_the_places_of_the_joints(description):
     frames = frames_of(description)
     q = np.linspace(-1.0, 1.0, description.axes)
     at, points = np.eye(4), []
@@ -21,7 +23,8 @@ def test_placements_and_axes_give_the_places_of_the_joints(name):
         x, y, z = joint["axis"]
         cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
         turn = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
-        at = at @ placement(joint["at"]) @ np.block([[turn, np.zeros((3, 1))], [0, 0, 0, 1]])
+        moved = (np.eye(3), np.array([joint["axis"]]).T * angle) if joint["slides"] else (turn, np.zeros((3, 1)))
+        at = at @ placement(joint["at"]) @ np.block([[*moved], [0, 0, 0, 1]])
         points.append(at[:3, 3])
     points.append((at @ placement(frames["flange"]))[:3, 3])
     assert np.allclose(points, joint_origins(Arm(description), q)[1:], atol=2e-5)
@@ -30,6 +33,10 @@ def test_placements_and_axes_give_the_places_of_the_joints(name):
 def placement(rows):
     """[4, 4] of twelve numbers."""
     return np.vstack([np.reshape(rows, (3, 4)), [0, 0, 0, 1]])
+
+
+def test_a_sliding_joint_has_a_travel():
+    assert [joint["travel"] for joint in frames_of(scara())["joints"]] == [0, 0, 1, 0]
 
 
 def test_every_cause_has_a_colour():

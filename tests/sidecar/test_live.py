@@ -6,9 +6,13 @@ import numpy as np
 import orjson
 import pytest
 
+from acqd.models.augmented import Augmented, Term
+from acqd.models.bundle.restore import open_model
+from acqd.models.effects import library
 from acqd.models.predictor import Stream
 from acqd.sidecar.live import Live
 from tests.builders import STEP, grey
+from tests.models.test_old_files import FOLDER
 from tests.sidecar.cell import BEGIN, motion
 
 
@@ -21,9 +25,47 @@ def test_five_times_a_second_the_prediction_has_its_causes():
     messages = [json.loads(each) for each in said if each is not None]
     split = [each for each in messages if "causes" in each]
     assert len(messages) / 6 < len(split) <= len(messages) / 4
-    for each in split[10:]:  # the first ones do not know the lag of the supply
+    for each in split:
         assert sum(each["causes"].values()) == pytest.approx(each["P_predicted"], abs=0.1)
         assert len(each["joints"]) == 6 and all(name in each["causes"] for name, _ in each["joints"])
+
+
+def answers(live, q):
+    rows = [{"time": BEGIN + STEP * row, "q": angles.tolist(), "brake": 1} for row, angles in enumerate(q)]
+    said = [live.answer(orjson.dumps(row)) for row in rows]
+    return [json.loads(each) for each in said if each is not None]
+
+
+def repaired(which):
+    """A model with one term of every effect of the library, or with a play, which remembers where it was."""
+    if which == "play":
+        term = Term("torque_with_hysteresis", "joint 2", {"joint": 2, "heaviest_Nm": 40.0}, (0, 1), np.ones(2) * 9, {})
+        return Augmented(grey(), grey(), [term])
+    model = open_model(FOLDER / "all-effects")[1]
+    every = {each.id: each for each in model.terms}
+    assert set(library()) == set(every)
+    return Augmented(model.base, model.carrier, list(every.values()))
+
+
+@pytest.mark.parametrize(("which", "rest"), [("library", 0), ("play", 15)])
+def test_causes_add_up_to_the_prediction_whatever_effects_the_model_has(which, rest, monkeypatch):
+    for kept in ("models.augmented._PAST", "sidecar.live._REMEMBERED"):
+        monkeypatch.setattr(f"acqd.{kept}", 12)
+    moved = motion(160, 5)[70:79]
+    q = np.concatenate([moved, np.repeat(moved[-1:], rest, axis=0)])  # the rows in which the play moved are forgotten
+    split = [each for each in answers(Live(repaired(which), "joints", "power"), q) if "causes" in each]
+    assert len(split) >= 2
+    for each in split:
+        assert sum(each["causes"].values()) == pytest.approx(each["P_predicted"], abs=0.2)
+
+
+def test_predictions_go_on_where_the_split_fails_and_the_split_where_time_goes_back(monkeypatch):
+    live, q = Live(grey(), "joints", "power"), motion(160, 5)[70:80]
+    assert sum("causes" in each for each in answers(live, q)) == 2
+    assert "causes" in answers(live, q)[0]  # the sender's clock was set back
+    monkeypatch.setattr("acqd.sidecar.live.latest_parts", lambda *_: 1 / 0)
+    said = answers(live, q)
+    assert len(said) == 9 and not any("causes" in each for each in said)
 
 
 def test_live_rows_are_predicted_as_the_model_says_and_bad_ones_counted():

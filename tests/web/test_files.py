@@ -3,21 +3,36 @@
 from __future__ import annotations
 
 import asyncio
+import ctypes
 import json
+import os
+import time
+import unittest.mock
 from pathlib import Path
+from types import SimpleNamespace
 
 import orjson
 import pytest
 
+from acqd.cli.errand import give_way
+from acqd.cli.web import without_work
 from acqd.daemon.health.section import HealthSection
 from acqd.daemon.web_section import WebSection
 from acqd.errors import UserError
+from acqd.robot.description import load_description
 from acqd.telemetry.mqtt import BrokerAddress
+from acqd.web import dropped as dropping
+from acqd.web.commands import Commands as RealCommands
+from acqd.web.commands import password_of, without_password
 from acqd.web.dropped import Dropped
 from acqd.web.files import Files
+from acqd.web.files import _figures as figures_of
+from acqd.web.files import _plain_kind as kind_of
 from acqd.web.files_routes import FilesRoutes
 from acqd.web.job import LoopJob
+from acqd.web.reports import newest_report
 from acqd.web.settings import WebSettings
+from acqd.web.work_folder import WorkFolder, remove_left
 from tests.waiting import finish, until
 from tests.web.test_proxy import status
 
@@ -42,7 +57,7 @@ class Commands:
     """A double of what runs commands: `fails` names one that refuses its input."""
 
     def __init__(self, fails="", hangs=False):
-        self.ran, self.fails, self.hangs, self.ended = [], fails, hangs, False
+        self.ran, self.fails, self.hangs = [], fails, hangs
 
     async def run(self, arguments, told, secrets=None):
         told("half", 0.5)
@@ -50,21 +65,20 @@ class Commands:
         if self.hangs:
             await asyncio.sleep(60)
         if arguments[0] == self.fails:
-            raise UserError(f"{arguments[-1]}: row 2 is bad")
+            raise UserError(f"{arguments[3]}: row 2 is bad")
         if "--inspect" in arguments:
             if not arguments[2].endswith(".wav"):
                 raise UserError("unknown kind of waveform file")
             return orjson.dumps({"refusal": "", "samples": 8000, "rate": 4000.0})
         out = Path(arguments[arguments.index("--out") + 1])
+        if "--logs" in arguments:
+            self.logs = sorted(path.name for path in Path(arguments[arguments.index("--logs") + 1]).iterdir())
         if arguments[0] == "replay":
             out.write_bytes(b'{"channel": "L1", "P": 4.0, "W": 0.001}\n{"channel": "L1", "P": 6.0, "W": 0.002}\n')
         else:
             out.mkdir()
             (out / "report.html").write_text("report")
         return b""
-
-    async def end(self):
-        self.ended = True
 
 
 def worked(files, commands, *given):
@@ -89,7 +103,7 @@ def test_names_are_made_safe_and_a_refused_file_leaves_nothing(tmp_path):
     def take(name, *pieces):
         return asyncio.run(dropped.take(name, body(*pieces)))
 
-    assert take("../../etc/pass wd", b"12345") == "pass_wd"
+    assert take("../../etc/pass wd", b"12345") == "pass_wd.csv"
     assert take("C:\\logs\\.hidden.csv", b"1") == "hidden.csv"
     for name, pieces, words in (
         ("big.csv", (b"123", b"45"), "more than 0 MB in all"), ("pass wd", (b"1",), "already"),
@@ -98,7 +112,7 @@ def test_names_are_made_safe_and_a_refused_file_leaves_nothing(tmp_path):
     ):  # fmt: skip
         with pytest.raises(UserError, match=words):
             take(name, *pieces)
-    assert sorted(path.name for path in tmp_path.rglob("*") if path.is_file()) == ["hidden.csv", "pass_wd"]
+    assert sorted(path.name for path in tmp_path.rglob("*") if path.is_file()) == ["hidden.csv", "pass_wd.csv"]
 
 
 def test_logs_are_built_and_searched_and_only_complete_results_stay(tmp_path):
@@ -120,7 +134,7 @@ def test_a_visit_that_fails_or_is_cancelled_leaves_nothing(tmp_path, commands):
     state = worked(Files(settings_of(tmp_path)), commands, ("a.csv", LOG), ("b.wav", b"RIFF\0"))
     assert list(tmp_path.iterdir()) == []
     if commands.hangs:
-        assert state["state"] == "cancelled" and commands.ended
+        assert state["state"] == "cancelled"
     else:
         assert state["state"] == "failed" and state["error"].endswith("row 2 is bad") and "\n" not in state["error"]
         assert str(tmp_path) not in state["error"]
@@ -128,12 +142,226 @@ def test_a_visit_that_fails_or_is_cancelled_leaves_nothing(tmp_path, commands):
 
 def test_one_visitor_at_a_time(tmp_path):
     files = Files(settings_of(tmp_path))
-    asyncio.run(files.take("a.csv", body(LOG), "one"))
-    with pytest.raises(UserError, match="another visitor"):
-        asyncio.run(files.take("b.csv", body(LOG), "two"))
-    files._heard -= 100  # the first has gone
-    asyncio.run(files.take("b.csv", body(LOG), "two"))
-    assert [each["name"] for each in files.as_json()["files"]] == ["b.csv"]
+
+    async def scenario():
+        await files.take("a.csv", body(LOG), "one")
+        for refused in (lambda: files.take("b.csv", body(LOG), "two"), lambda: files.cancel("two")):
+            with pytest.raises(UserError, match="another visitor"):
+                await refused()
+        with pytest.raises(UserError, match="another visitor"):
+            files.start("two")
+        files._forget()  # the first has gone
+        assert list(tmp_path.iterdir()) == []
+        await files.take("b.csv", body(LOG), "two")
+        await files.cancel("two")
+        for visit in ("one", "two"):
+            with pytest.raises(UserError, match="cancelled"):
+                await files.take("c.csv", body(LOG), visit)
+
+    asyncio.run(scenario())
+    assert [each["name"] for each in files.as_json()["files"]] == ["b.csv"] and list(tmp_path.iterdir()) == []
+
+
+def test_files_of_a_visitor_who_has_gone_are_removed(tmp_path, monkeypatch):
+    monkeypatch.setattr("acqd.web.files.SILENT_S", 0.01)
+    files = Files(settings_of(tmp_path))
+
+    async def scenario():
+        await files.take("a.csv", body(LOG), "one")
+        await until(lambda: files.state.state == "cancelled", "the end of the visit")
+
+    finish(scenario())
+    assert list(tmp_path.iterdir()) == []
+
+
+async def stalled():
+    yield b"1"
+    await asyncio.sleep(60)
+
+
+def test_a_file_that_stalls_keeps_nobody_out_and_is_cancelled(tmp_path):
+    files = Files(settings_of(tmp_path))
+
+    async def scenario():
+        sending = asyncio.create_task(files.take("a.csv", stalled(), "one"))
+        await until(lambda: list(tmp_path.rglob("*.part")), "the file begins")
+        for refused in (lambda: files.take("b.csv", body(LOG), "one"), lambda: files.take("b.csv", body(LOG), "two")):
+            with pytest.raises(UserError, match="try again in a minute"):
+                await refused()
+        await files.cancel("one")
+        with pytest.raises(UserError, match="cancelled"):
+            await sending
+        assert list(tmp_path.iterdir()) == []
+        await files.take("b.csv", body(LOG), "two")
+
+    finish(scenario())
+
+
+def test_a_file_that_comes_too_slowly_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(dropping, "SILENT_S", 0.02)
+    with pytest.raises(UserError, match="nothing has come"):
+        asyncio.run(Dropped(tmp_path, 10).take("a.csv", stalled()))
+    monkeypatch.setattr(dropping, "SILENT_S", 60.0)
+    monkeypatch.setattr(dropping, "_LEAST_RATE", 1e12)
+    times = iter((0.0, 59.0, 61.0))
+    monkeypatch.setattr(dropping, "time", SimpleNamespace(monotonic=lambda: next(times)))
+    with pytest.raises(UserError, match="comes at less"):
+        asyncio.run(Dropped(tmp_path, 10).take("a.csv", body(b"1", b"2")))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_small_files_do_not_fill_the_disk(tmp_path, monkeypatch):
+    monkeypatch.setattr(dropping.shutil, "disk_usage", lambda _: SimpleNamespace(free=9))
+    with pytest.raises(UserError, match="nearly full"):
+        asyncio.run(Dropped(tmp_path, 10).take("a.csv", body(b"1")))
+
+
+@pytest.mark.parametrize("answer", [b"[]", b'{"refusal": null, "rate": 4000.0}'])
+def test_what_nobody_has_foreseen_ends_the_work_and_the_next_visit_begins(tmp_path, answer, monkeypatch):
+    commands = Commands()
+
+    async def run(arguments, told, secrets=None):
+        if "--inspect" in arguments:
+            return answer
+        Path(arguments[-1]).write_bytes(b'{"channel": "L1", "P": 4.0, "W": 0.001}\n')
+        return b""
+
+    monkeypatch.setattr(commands, "run", run)
+    files = Files(settings_of(tmp_path))
+    state = worked(files, commands, ("a.wav", b"RIFF\0"))
+    assert state["state"] == "failed" and state["error"].startswith("unexpected ") and "\n" not in state["error"]
+    assert worked(files, Commands(), ("a.wav", b"RIFF\0"))["state"] == "done"
+
+
+def test_the_energy_is_that_of_the_total_with_its_sign(tmp_path):
+    rows = [(("L1", 9.0, 5.0), ("total", -3.0, -0.5)), (("L1", 9.0, 6.0), ("total", -5.0, -0.001))]
+    (tmp_path / "rows").write_bytes(
+        b"".join(orjson.dumps({"channel": c, "P": P, "W": W}) + b"\n" for pair in rows for c, P, W in pair)
+    )
+    assert figures_of(tmp_path / "rows", {"samples": 8000, "rate": 4000.0}).endswith("mean power -4 W, -1 Wh")
+
+
+def written(path, content):
+    path.write_bytes(content)
+    return path
+
+
+def parquet(path, *names):
+    pyarrow = pytest.importorskip("pyarrow")
+    pytest.importorskip("pyarrow.parquet").write_table(pyarrow.table({name: [0.0, 1.0] for name in names}), path)
+    return path
+
+
+def test_files_are_recognised_in_every_form_that_is_read(tmp_path):
+    robot = load_description("iiwa7_r800")
+    wide = LOG.decode().encode("utf-16")
+    big = b"\xfe\xff" + (LOG * 3000).decode().encode("utf-16-be")
+    joints = [f"q{axis}" for axis in range(1, 8)]
+    for path, kind in (
+        (parquet(tmp_path / "a.parquet", "time", *joints), "log"),
+        (parquet(tmp_path / "b.parquet", "time", "P"), "power"),
+        (parquet(tmp_path / "c.parquet", "time", "P", *joints), "log"),
+        (written(tmp_path / "d.csv", wide), "log"), (written(tmp_path / "e.csv", big), "log"),
+        (written(tmp_path / "f.csv", ROWS), "power"), (written(tmp_path / "g.csv", b"u1,i1\n1,2\n"), ""),
+        (written(tmp_path / "h.parquet", b"no"), ""), (written(tmp_path / "i.csv", b""), ""),
+        (written(tmp_path / "j.dat", LOG), "log"),
+    ):  # fmt: skip
+        assert kind_of(path, robot) == kind, path.name
+
+
+def test_names_have_suffixes_that_readers_know(tmp_path):
+    files, commands = Files(settings_of(tmp_path)), Commands()
+    given = (("A", LOG), ("B.CSV", LOG), ("c.dat", LOG), ("P.CSV", ROWS), ("W.CFG", b"w\n1"), ("W.DAT", b"\0"))
+    state = worked(files, commands, *given)
+    assert [each["kind"] for each in state["files"]] == ["log", "log", "log", "power", "unknown", "part"]
+    assert commands.logs == ["A.csv", "B.csv", "c.dat.csv"]
+
+
+def test_messages_have_no_folders_of_this_computer(tmp_path):
+    files = Files(settings_of(tmp_path))
+    text = files._plain("/etc/acqd/model: has m/s; say which with --map u1=0, postgresql://u@h/db")
+    assert text.startswith("model: has m/s; say which with --map u1=0, postgresql://u@h/db; the page has no options")
+
+
+def test_the_work_of_another_page_is_left_alone(tmp_path):
+    work = WorkFolder(tmp_path)
+    other = WorkFolder(tmp_path)  # within the same second
+    remove_left(tmp_path)
+    assert work.path.is_dir() and other.path.is_dir() and work.path != other.path
+    work.keep()
+    os.close(other._lock)  # as when its page is killed
+    remove_left(tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == [work.name]
+
+
+def test_results_of_visitors_are_no_report_of_the_loop(tmp_path):
+    for name in ("files-20260101T000000Z", "loop-20260101T000000Z"):
+        (tmp_path / name / "result").mkdir(parents=True)
+        (tmp_path / name / "result" / "report.html").write_text(name)
+    later = time.time() + 60
+    os.utime(tmp_path / "files-20260101T000000Z" / "result" / "report.html", (later, later))
+    assert newest_report(tmp_path) == tmp_path / "loop-20260101T000000Z" / "result"
+
+
+def test_no_argument_holds_a_password():
+    for url in ("postgresql://u:s3cret@h/db?sslmode=require", "postgresql://u@h/db?sslmode=require&password=s3cret"):
+        assert without_password(url) == "postgresql://u@h/db?sslmode=require"
+        assert password_of(url) == {"PGPASSWORD": "s3cret"}
+    assert without_password("power.sqlite") == "power.sqlite" and password_of("power.sqlite") == {}
+    assert without_password("sqlite:///power.sqlite") == "sqlite:///power.sqlite"
+
+
+@pytest.fixture
+def program(tmp_path, monkeypatch):
+    """A function that has commands run some shell text in place of acqd."""
+
+    def use(text):
+        written(tmp_path / "program", f"#!/bin/sh\n{text}\n".encode()).chmod(0o700)
+        monkeypatch.setattr("acqd.web.commands.sys.executable", str(tmp_path / "program"))
+        return RealCommands()
+
+    return use
+
+
+def test_a_command_says_its_last_line_however_long_it_is(program):
+    commands = program("head -c 300000 /dev/zero | tr '\\0' x >&2; echo >&2; echo 'acqd: so' >&2; exit 2")
+    with pytest.raises(UserError, match=r"^so$"):
+        asyncio.run(commands.run(["x"], lambda *_: None))
+    with pytest.raises(UserError, match="needs more memory"):
+        asyncio.run(program("kill -9 $$").run(["replay"], lambda *_: None))
+
+
+def test_a_command_ends_when_nobody_listens_any_more(program):
+    commands = program('echo \'{"step": "a", "share": 0}\' >&2; exec sleep 60')
+
+    def told(step, share):
+        raise RuntimeError(step)
+
+    with pytest.raises(RuntimeError):
+        asyncio.run(commands.run(["x"], told))
+    assert commands.process.returncode is not None
+
+
+def test_a_command_gives_way_and_goes_with_its_page():
+    child = os.fork()
+    if not child:
+        try:
+            refuse = unittest.mock.Mock(side_effect=PermissionError)
+            with unittest.mock.patch("os.setpriority", refuse):  # as the filter of acqd-web.service may
+                give_way()
+            give_way()
+            wanted = ctypes.c_int()
+            ctypes.CDLL(None).prctl(2, ctypes.byref(wanted))  # PR_GET_PDEATHSIG
+            score = int(Path("/proc/self/oom_score_adj").read_text())
+            os._exit(0 if wanted.value and os.getpriority(os.PRIO_PROCESS, 0) == 15 and score == 500 else 1)
+        finally:
+            os._exit(2)
+    assert os.waitpid(child, 0)[1] == 0
+
+
+def test_a_page_within_the_daemon_has_no_work_that_needs_memory(tmp_path):
+    section = without_work(WebSection(reports=tmp_path, files=True))
+    assert not section.files and not section.loop and section.reports == tmp_path
 
 
 def test_requests_of_strangers_and_paths_beyond_the_results_are_refused(tmp_path):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import time
 
 import orjson
 import pytest
@@ -105,7 +106,11 @@ def test_joints_become_a_posture_five_times_a_second_at_most():
         b'{"q": ["a", 0, 0, 0, 0, 0, 0]}',
     ):
         assert arm.joints(bad) is None
-    assert arm.joints(b'{"time": 5, "q": [0, 0, 0, 0, 0, 0, 1.23456]}') == {"time": 5.0, "q": [0.0] * 6 + [1.2346]}
+    now = float(round(time.time()))
+    for other_clock in (5.0, 1e3 * now, 1e9 * now, now - 7200):
+        assert arm.joints(orjson.dumps({"time": other_clock, "q": [0] * 7})) is None and "Unix s" in arm.note
+    said = orjson.dumps({"time": now, "q": [0, 0, 0, 0, 0, 0, 1.23456]})
+    assert arm.joints(said) == {"time": now, "q": [0.0] * 6 + [1.2346]} and arm.note == ""
     assert arm.joints(b'{"q": [0, 0, 0, 0, 0, 0, 0]}')["time"] > 1.7e9
     assert len(arm.as_json()["frames"]["joints"]) == 7 and "copper" in arm.as_json()["colours"]
     assert Posture("").joints(b'{"q": []}') is None and Posture("no_such_robot").note

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 from types import SimpleNamespace
+from unittest.mock import AsyncMock
 
 import pytest
 
@@ -71,6 +72,18 @@ def test_a_job_takes_the_logs_since_the_alarm_and_is_cancelled_with_its_process(
     assert seen == [["b.csv"], "cancelled", True]
     with pytest.raises(UserError, match="no log"):
         LoopJob(settings).start(engine, "", 2e9)
+
+
+def test_what_nobody_has_foreseen_ends_a_job(settings, monkeypatch):
+    async def scenario():
+        job = LoopJob(settings)
+        job.start(open_database(settings.database), "", ALARM["onset_s"])
+        monkeypatch.setattr(job._commands, "run", AsyncMock(side_effect=KeyError("step")))
+        job.run()
+        await until(lambda: not job.running, "the end of the job")
+        assert job.state.state == "failed" and job.state.error.startswith("unexpected KeyError: 'step'")
+
+    finish(scenario())
 
 
 @pytest.mark.slow

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 
 import numpy as np
 import orjson
@@ -82,20 +83,28 @@ UNWEIGHED = ("/events", "/arm", "/three", "/files")
 """Loaded later: the arm with a posture, three.js when the arm comes into sight, files where [web] takes them."""
 
 
+def posture_at(time_s, angle):
+    return orjson.dumps({"time": time_s, "q": [0, angle, 0, -1.4, 0, 1.1, 0]})
+
+
 def in_three_dimensions(page, client, device):
     """The arm in sight, with the prediction of its posture by cause."""
     page.evaluate("document.getElementById('arm').scrollIntoView()")
     shows(page, "#posture .hint", "arrow keys")
+    now = time.time()
     said = {
-        "time": 2.0,
+        "time": now,
         "P_predicted": 90.0,
         "causes": {"standby": 60.0, "copper": 30.0},
         "joints": [["copper", 5.0]] * 7,
     }
     client.publish(f"acqd/{device}/prediction/live", orjson.dumps(said))
-    client.publish(f"acqd/{device}/joints", b'{"time": 2, "q": [0, 0.6, 0, -1.4, 0, 1.1, 0]}')
+    client.publish(f"acqd/{device}/joints", posture_at(now, 0.6))
     shows(page, "#posture .layers li:has-text('copper')", "30.0 W")
     assert page.get_attribute("#posture input[type=range]", "aria-valuetext").endswith("predicted 90.0 W")
+    page.wait_for_timeout(250)  # postures are drawn five times a second
+    client.publish(f"acqd/{device}/joints", posture_at(now - 60, 0.5))  # the sender's clock was set back
+    shows(page, "#posture-note", "the flange is 0.59, 0.00, 0.44 m from the base")
 
 
 @pytest.fixture
@@ -117,6 +126,13 @@ def page_of_all(mosquitto, tmp_path):
     server.stop()
 
 
+def a_file_that_a_proxy_refuses(page):
+    page.route("**/api/files/add*", lambda route: route.fulfill(status=413, content_type="text/html", body="<html>"))
+    page.set_input_files("#files-input", files=[{"name": "a.csv", "mimeType": "text/csv", "buffer": b"1"}])
+    shows(page, "#files-note", "client_max_body_size")
+    assert page.query_selector("[role=status] #files-seconds") is None  # it would be read aloud every second
+
+
 def test_every_panel_shows_its_data_and_nothing_is_wrong(page_of_all, publisher):  # noqa: F811 - the fixture
     served, alarm = page_of_all
     address = served.server._site._settings.address
@@ -125,11 +141,13 @@ def test_every_panel_shows_its_data_and_nothing_is_wrong(page_of_all, publisher)
             weight = []
             page.on("response", lambda answer, weight=weight: "api" not in answer.url and weight.append(answer))
             light = page.rules is None
+            if light:
+                page.route("**/arm_live.js", lambda route: route.abort(), times=1)  # asked for again
             page.goto(address)
             shows(page, "#log-table", "run-1.csv")
             sent = send(publisher, 7, 123.4)
             publisher.publish(f"acqd/{sent.device}/prediction/alarm", orjson.dumps(alarm), retain=True)
-            publisher.publish(f"acqd/{sent.device}/joints", b'{"time": 1, "q": [0, 0.5, 0, -1.4, 0, 1.1, 0]}')
+            publisher.publish(f"acqd/{sent.device}/joints", posture_at(time.time(), 0.5))
             shows(page, "#device", sent.device)
             publisher.publish(f"acqd/{sent.device}/status", orjson.dumps({"device": sent.device, "wiring": WIRING}))
             shows(page, "#wiring-findings", "i2 is reversed: [source] correction = { i_gain = [1.0, -1.0, 1.0] }")
@@ -140,6 +158,8 @@ def test_every_panel_shows_its_data_and_nothing_is_wrong(page_of_all, publisher)
             shows(page, "#alarm", "The residual has changed since 2025-10-09")
             shows(page, "#course-note", "residual from 20.0 to 20.0 W")
             shows(page, "#posture-note", "iiwa7_r800: the flange is 0.59, 0.00, 0.44 m from the base")
+            assert ["ERR_FAILED" in each for each in page.errors] == [True] * light
+            page.errors.clear()
             assert not page.evaluate("'THREE' in window")  # it is loaded when the arm comes into sight
             shows(page, "#report", "A missing effect was found.")
             shows(page, "#report", "mass 2.04 kg (1.9 to 2.2); confidence 97 %")
@@ -163,5 +183,7 @@ def test_every_panel_shows_its_data_and_nothing_is_wrong(page_of_all, publisher)
             assert serious_findings(page) == [] and page.errors == []
             bodies = [answer.body() for answer in weight if not any(part in answer.url for part in UNWEIGHED)]
             assert 50_000 < sum(map(len, bodies)) < _WEIGHT_BYTES
+            if light:
+                a_file_that_a_proxy_refuses(page)
             page.goto(f"{address}report")
             page.wait_for_function("document.title == 'shown'")

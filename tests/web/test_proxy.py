@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import json
 import shutil
 import subprocess
@@ -11,13 +12,16 @@ from http.client import HTTPConnection
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import pytest
+from starlette.datastructures import Headers
 
+from acqd.daemon.config import Config
+from acqd.daemon.config_checks import _secrets
 from acqd.daemon.health.section import HealthSection
 from acqd.daemon.web_section import ProxySection, WebSection
 from acqd.errors import UserError
 from acqd.telemetry.broker import free_port
 from acqd.telemetry.mqtt import BrokerAddress
-from acqd.web.proxy import secret_of
+from acqd.web.proxy import PROOF, BehindProxy, Person
 from acqd.web.settings import WebSettings
 from tests.places import ROOT
 from tests.waiting import wait_for
@@ -36,7 +40,7 @@ def section_of(tmp_path, **more):
 
 def settings_with(section, port=8731):
     broker, health = BrokerAddress("127.0.0.1", 1), HealthSection(port=0, sink_port=0)
-    return WebSettings(broker, "none.sqlite", health, port=port, section=section, proxy_secret=secret_of(section.proxy))
+    return WebSettings(broker, "none.sqlite", health, port=port, section=section, proxy_secret=section.proxy.secret())
 
 
 def status(app, method, path, **headers):
@@ -83,12 +87,43 @@ def test_a_secret_that_is_missing_or_short_is_refused_in_one_line(tmp_path):
     section = section_of(tmp_path)
     (tmp_path / "secret").write_text("short")
     with pytest.raises(UserError, match="20 letters or more"):
-        secret_of(section.proxy)
+        section.proxy.secret()
     (tmp_path / "secret").unlink()
     with pytest.raises(UserError, match="cannot be read"):
-        secret_of(section.proxy)
+        section.proxy.secret()
     with pytest.raises(ValueError, match="no group"):
         ProxySection(secret_file=tmp_path / "secret")
+    with pytest.raises(ValueError, match="user_header"):
+        ProxySection(secret_file=tmp_path / "secret", act=["acqd-act"], user_header="X Bad Header:")
+
+
+def test_names_and_groups_of_any_alphabet_are_people(tmp_path):
+    section = section_of(tmp_path)
+    section.proxy.read.append("Prüfer")
+    proxy = BehindProxy(None, secret=SECRET, section=section.proxy)
+    for name in ("Weiß", "Łukasz", "李雷"):
+        for coding in ("utf-8", "latin-1"):
+            with contextlib.suppress(UnicodeEncodeError):
+                sent = {PROOF: SECRET, "x-auth-request-user": name, "x-auth-request-groups": "Prüfer"}
+                raw = [(key.encode(), value.encode(coding)) for key, value in sent.items()]
+                assert proxy._person(Headers(raw=raw)) == Person(name, acts=False)
+
+
+def test_the_check_of_a_configuration_reads_the_secret(tmp_path):
+    config = Config.model_construct(web=section_of(tmp_path))
+    for mode, state in ((0o666, "warn"), (0o640, "ok")):
+        (tmp_path / "secret").chmod(mode)
+        assert [each.state for each in _secrets(config)] == [state]
+    (tmp_path / "secret").unlink()
+    assert "cannot be read" in next(_secrets(config)).finding
+
+
+def test_the_cookie_secret_is_base64_for_addresses():
+    """With a double of openssl: bytes that are + and / in the usual alphabet."""
+    command = (CONFIG.parent / "oauth2-proxy.cfg").read_text().partition("# openssl")[2].splitlines()[0]
+    whole = f"made() {{ printf '{'+/' * 21}8=\\n'; }}; made {command}"
+    made = subprocess.run(["sh", "-c", whole], capture_output=True, check=True).stdout
+    assert made == b"-_" * 21 + b"8="
 
 
 class Login(BaseHTTPRequestHandler):

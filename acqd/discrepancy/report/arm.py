@@ -50,8 +50,8 @@ def arm_view(closed: Closed) -> ArmView:
 def _motion(segment: Segment, before: Predictor, after: Predictor, step_s: float) -> Motion:
     was, now = _parts(before, segment), _parts(after, segment)
     unexplained = segment.P - np.sum([joints.sum(axis=1) for _, _, joints in now], axis=0)
-    every = max(1, round(_STEP_S / step_s))
-    rows = max(1, min(len(segment.P), round(_SHOWN_S / step_s)) // every) * every
+    every = min(max(1, round(_STEP_S / step_s)), len(segment.P))
+    rows = min(len(segment.P), max(every, round(_SHOWN_S / step_s))) // every * every
     first = _busiest(unexplained**2, rows)
 
     def means(values: Floats) -> Floats:

@@ -40,6 +40,9 @@ const acqdArm = (() => {
     return { points, axes };
   }
 
+  // m from the base to the flange of a straight arm, with sliding joints at an end of their travel
+  const reach = ({ joints, flange }) => [...joints.map(({ at }) => at), flange].reduce((sum, at) => sum + Math.hypot(...origin(at)), 0) + joints.reduce((sum, { travel }) => sum + travel, 0);
+
   function flat(host, { points }, colours, reach) {
     const scale = 130 / reach;
     const views = [["from the side", ([x, , z]) => [160 + scale * x, 230 - scale * z], 230], ["from above", ([x, y]) => [480 + scale * x, 160 - scale * y], 160]];
@@ -224,7 +227,7 @@ const acqdArm = (() => {
     // `load`: function that resolves to THREE
     constructor(root, frames, load) {
       Object.assign(this, { root, frames, load, motions: [], k: 0, shows: "predicted", space: null });
-      this.reach = Math.max(0.2, posture(frames, frames.joints.map(() => 0)).points.reduce(([sum, before], point) => [sum + Math.hypot(...point.map((x, n) => x - before[n])), point], [0, [0, 0, 0]])[0]) * 0.8;
+      this.reach = Math.max(0.2, reach(frames)) * 0.8;
       this.which = element("select");
       this.button = element("button", { type: "button", textContent: "play" });
       this.slider = element("input", { type: "range", min: 0, max: 0, value: 0, step: 1 });
@@ -376,5 +379,5 @@ const acqdArm = (() => {
     return view;
   }
 
-  return { View, posture, embedded };
+  return { View, posture, reach, embedded };
 })();

@@ -1,12 +1,16 @@
 "use strict";
 // the arm as it moves now: two minutes of postures, each with the measured and predicted power of its time
 const armLive = (() => {
-  const KEPT_S = 120, NEAR_S = 0.15, LATE_S = 2, RARELY_MS = 180;
+  const KEPT_S = 120, NEAR_S = 0.15, LATE_S = 2, BACK_S = 2, RARELY_MS = 180;
   const of = {}; // device -> { postures, rows, predicted }, oldest first
   const kept = (device) => of[device] ??= { postures: [], rows: [], predicted: [] };
   let view3d = null, colours = {}, robot = "", drawn = 0;
 
   function keep(list, entry) {
+    if (list.length && entry.time < list.at(-1).time - BACK_S) { // the sender's clock was set back
+      list.length = 0;
+      kept.first = null;
+    }
     if (list.length && entry.time <= list.at(-1).time) return; // older rows that arrive late
     list.push(entry);
     while (list[0].time < entry.time - KEPT_S) list.shift();

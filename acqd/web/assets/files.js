@@ -1,14 +1,14 @@
 "use strict";
 {
   const KINDS = { waveform: "waveform", power: "power", log: "log", part: "part", unknown: "not read", "": "waiting" };
-  const LOOK_MS = 1000, visit = crypto.getRandomValues(new Uint32Array(2)).join("-");
+  const LOOK_MS = 1000;
   $("health-section").insertAdjacentHTML("beforebegin", `<section aria-labelledby="files" id="files-section" hidden><h2 id="files">Your files</h2>
     <div class="controls drop"><label>Waveforms, logs of the robot, rows of power: drop them on the page, or choose <input type="file" multiple id="files-input"></label><button type="button" id="files-cancel" hidden>Cancel</button></div>
-    <p class="note" id="files-note" role="status"></p><progress id="files-progress" max="1" value="0" aria-label="Progress of the files" hidden></progress>
+    <p class="note" id="files-note" role="status"></p><p class="note" id="files-seconds"></p><progress id="files-progress" max="1" value="0" aria-label="Progress of the files" hidden></progress>
     <div class="scroll" tabindex="0" role="region" aria-label="Files" hidden><table id="files-table"><thead><tr><th scope="col">file</th><th scope="col">kind</th><th scope="col">what was seen</th></tr></thead><tbody></tbody></table></div>
     <ul id="files-results"></ul>
     </section>`);
-  let state = { state: "idle" }, sending = false, timer = 0;
+  let state = { state: "idle" }, sending = false, visit = "", timer = 0;
 
   function show(now) {
     state = now;
@@ -19,11 +19,13 @@
     $("files-input").disabled = busy;
     if (!sending) $("files-progress").value = state.share ?? 0;
     const words = {
-      idle: "", receiving: "", running: `${state.step}; ${(Date.now() / 1000 - state.begun).toFixed(0)} s so far`,
+      idle: "", receiving: "", running: state.step,
       done: `Done in ${(state.ended - state.begun).toFixed(0)} s. The files were not kept.`,
       failed: `Nothing came of it: ${state.error}`, cancelled: "Cancelled; nothing was kept.",
     };
     if (!sending) put($("files-note"), words[state.state]);
+    // outside of the status, which would be read aloud every second
+    $("files-seconds").textContent = state.state === "running" ? `${(Date.now() / 1000 - state.begun).toFixed(0)} s so far` : "";
     $("files-note").className = state.state === "failed" ? "note bad" : "note";
     const body = $("files-table").tBodies[0];
     $("files-table").parentNode.hidden = !state.files?.length;
@@ -46,34 +48,40 @@
   // throws an Error with the page's line
   async function post(path, body) {
     const answer = await fetch(path, { method: "POST", headers: { "x-acqd": "page", "content-type": "application/octet-stream" }, body });
-    const content = await answer.json();
-    if (!answer.ok) throw new Error(content.error);
-    return content;
+    const said = await answer.text();
+    let content = null;
+    try { content = JSON.parse(said); } catch { /* a proxy in between has answered */ }
+    if (answer.ok && content) return content;
+    const line = answer.headers.get("content-type")?.startsWith("text/plain") ? said : `the answer was ${answer.status}: is acqd web running?`;
+    throw new Error(answer.status === 413 ? "the file is larger than the proxy lets pass; see its client_max_body_size" : content?.error ?? line);
   }
+  const cancel = (whose) => post(`/api/files/cancel?${new URLSearchParams({ visit: whose })}`, "").then(show).catch(() => {});
   const ask = async (path) => { try { show(await (await fetch(path)).json()); } catch { timer = setTimeout(() => ask(path), LOOK_MS); } };
 
   async function send(files) {
     if (!files.length || sending || state.state === "running") return;
     sending = true;
+    const own = visit = crypto.getRandomValues(new Uint32Array(2)).join("-");
     let trouble = "";
     try {
       for (const [k, file] of [...files].entries()) {
         put($("files-note"), `sending ${file.name}, ${k + 1} of ${files.length}`);
         $("files-progress").value = k / files.length;
-        if (!sending) throw new Error("cancelled");
-        show(await post(`/api/files/add?${new URLSearchParams({ name: file.name, visit })}`, file));
+        if (visit !== own) return; // cancelled meanwhile
+        show(await post(`/api/files/add?${new URLSearchParams({ name: file.name, visit: own })}`, file));
       }
       sending = false;
-      show(await post("/api/files/start", ""));
+      show(await post(`/api/files/start?${new URLSearchParams({ visit: own })}`, ""));
     } catch (error) { trouble = error instanceof TypeError ? "the file could not be sent" : error.message; }
+    if (visit !== own) return;
     sending = false;
     if (!trouble) return;
-    if (state.state === "receiving") await post("/api/files/cancel", "").then(show).catch(() => {});
+    await cancel(own); // does nothing to files of another visitor
     show({ ...state, state: "failed", error: trouble });
   }
 
   $("files-input").onchange = () => send($("files-input").files).then(() => { $("files-input").value = ""; });
-  $("files-cancel").onclick = () => { sending = false; post("/api/files/cancel", "").then(show).catch(() => {}); };
+  $("files-cancel").onclick = () => { cancel(sending ? visit : state.visit); sending = false; visit = ""; };
   addEventListener("dragover", (event) => {
     if (!state.enabled || !event.dataTransfer?.types.includes("Files")) return;
     event.preventDefault();

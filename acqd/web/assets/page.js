@@ -10,7 +10,8 @@ let latest = {}, series = { time: [], channels: {} }, waiting = [], loading = 0,
 let predicted = [], drawn = 0;
 const onDevice = [], visible = new WeakMap();
 
-const script = (name) => new Promise((done, failed) => document.head.append(Object.assign(document.createElement("script"), { src: `/assets/${name}`, onload: done, onerror: failed })));
+const scripts = {}; // name -> promise; one that failed is asked for again
+const script = (name) => scripts[name] ??= new Promise((done, failed) => document.head.append(Object.assign(document.createElement("script"), { src: `/assets/${name}`, onload: done, onerror: (error) => { delete scripts[name]; failed(error); } })));
 const style = (name) => document.head.append(Object.assign(document.createElement("link"), { rel: "stylesheet", href: `/assets/${name}` }));
 const text = (value, digits) => value === null || value === undefined ? "-" : value.toFixed(digits);
 const put = (node, value) => {

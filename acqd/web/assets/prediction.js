@@ -1,6 +1,6 @@
 "use strict";
 {
-  const LOOK_MS = 15000, ROWS = 12;
+  const LOOK_MS = 15000, AGAIN_MS = 2000, ROWS = 12;
   const shown = { logs: [], chosen: "", course: null, power: null, residual: null, alarms: {}, postures: {} };
   const when = (unix) => new Date(1000 * unix).toISOString().slice(0, 19).replace("T", " ");
 
@@ -61,9 +61,14 @@
 
   // the scripts of the arm are loaded with the first posture, and three.js when the arm comes into sight
   async function arm() {
+    try {
+      for (const name of ["arm.js", "arm_live.js"]) await script(name);
+      await armLive.begin(script);
+    } catch {
+      setTimeout(arm, AGAIN_MS);
+      return;
+    }
     style("arm.css");
-    for (const name of ["arm.js", "arm_live.js"]) await script(name);
-    await armLive.begin(script);
     shown.arm = armLive;
     Object.values(shown.postures).forEach(armLive.take);
   }

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from acqd.discrepancy.report.arm import arm_view
+from acqd.discrepancy.report.arm import _motion, arm_view
 from acqd.models.augmented import Augmented
 from acqd.models.metrics import predictions
 from tests.builders import ROBOT, STEP, grey, recording
@@ -15,6 +15,16 @@ from tests.discrepancy.report.subjects import found, subject_with
 
 def means(values, rows):
     return values[: 3 * rows].reshape(rows, 3).mean(axis=1)
+
+
+def test_a_segment_shorter_than_a_row_of_the_view_is_one_row():
+    model = grey()
+    whole = recording(model, 1, rows=120)
+    for rows in (1, 2, 4):
+        cut = replace(whole, q=whole.q[:rows], P=whole.P[:rows], channels={},
+                      signals={name: values[:rows] for name, values in whole.signals.items()})  # fmt: skip
+        motion = _motion(cut, model, model, STEP)
+        assert len(motion.t) == len(motion.q) == len(motion.measured) == 1
 
 
 def test_layers_add_up_to_the_prediction_and_to_the_residual_before():
