@@ -72,17 +72,15 @@ def _unknown_poses(time: Floats, q: Floats, robot: RobotDescription) -> NDArray[
     be held over many rows: the arm moves on meanwhile.
     """
     unknown = np.zeros(len(time), bool)
-    zero: NDArray[np.bool_] = np.asarray(
-        (np.abs(np.sin(q / 2)) < _ZERO).all(axis=1)
-    )  # jumps by whole turns were taken out of the angles
+    # jumps by whole turns were taken out of the angles
+    zero = np.asarray((np.abs(np.sin(q / 2)) < _ZERO).all(axis=1))
     if len(time) < 3 or not zero.any() or zero.all():
         return unknown
     step, changes = np.diff(time), np.flatnonzero((np.diff(q[~zero], axis=0) != 0).any(axis=1))
     usual = float(np.median(step))
     held = float(np.median(np.diff(time[~zero][changes]))) if len(changes) > 1 else usual
-    fast: NDArray[np.bool_] = np.asarray(
-        (np.abs(np.diff(q, axis=0)) > reach(np.maximum(step, _HELD * max(held, usual)), robot)).any(axis=1)
-    )
+    way = reach(np.maximum(step, _HELD * max(held, usual)), robot)
+    fast = np.asarray((np.abs(np.diff(q, axis=0)) > way).any(axis=1))
     for start, end in runs_of_true(zero):
         reached, left = start == 0 or bool(fast[start - 1]), end == len(time) or bool(fast[end - 1])
         unknown[start:end] = reached and left
