@@ -23,6 +23,9 @@ _STRAY = 0.05
 """Share of dwell times that are of any length: the residual hides some switchings."""
 _GLITCHES_S = (0.0, 1.0, 2.0, 4.0, 8.0)
 """Longest states that noise makes, equally likely beforehand; 0: noise makes none."""
+_NEAR = np.geomspace(0.8, 1.25, 46)
+_CYCLES_IN_PHASE = 6
+"""Of a thermostat: then its phase is another one."""
 _DIGITS = 3
 """Of stays in s: equal ones are computed once."""
 _BETWEEN_S = 60.0
@@ -80,7 +83,7 @@ def rhythm(on: States, t: list[Floats]) -> Rhythm:
         thermostat += [_fit(dwells, scatter, means_s, noise) for scatter in _REGULAR]
         equipment += [_fit(dwells, scatter, means_s, noise) for scatter in _IRREGULAR]
     odds = logsumexp([each.likelihood for each in thermostat]) - logsumexp([each.likelihood for each in equipment])
-    return Rhythm(max(thermostat).period_s, float(expit(odds)))
+    return Rhythm(_in_phase(on, t, max(thermostat).period_s), float(expit(odds)))
 
 
 class _Fit(NamedTuple):
@@ -93,8 +96,25 @@ class _Fit(NamedTuple):
 
 
 def _fit(dwells: Mapping[_Dwell, int], scatter: float, means_s: Floats, noise: float) -> _Fit:
-    by_mean = _log_likelihoods(dwells, scatter, means_s)
-    return _Fit(float(logsumexp(by_mean, axis=1).sum()) + noise, float(means_s[by_mean.argmax(axis=1)].sum()))
+    """In equilibrium, a stay that was under way has a density of its survival over the length of a cycle."""
+    off, on = _log_likelihoods(dwells, scatter, means_s)
+    cycle_s = means_s[:, None] + means_s
+    under_way = sum(count for dwell, count in dwells.items() if not dwell.begun)
+    by_means = off[:, None] + on - under_way * np.log(cycle_s)
+    return _Fit(float(logsumexp(by_means)) + noise, float(cycle_s.flat[by_means.argmax()]))
+
+
+def _in_phase(on: States, t: list[Floats], period_s: float) -> float:
+    """The period near `period_s` with the largest amplitude: the phase lasts over pauses that cut stays."""
+    time, states = np.concatenate(t), np.concatenate(on) - np.concatenate(on).mean()
+    stretch = (time / (_CYCLES_IN_PHASE * period_s)).astype(int)
+    stretch -= stretch.min()
+
+    def power(near_s: float) -> float:
+        wave = states * np.exp(2j * np.pi * (time - time[0]) / near_s)
+        return float((np.bincount(stretch, wave.real) ** 2 + np.bincount(stretch, wave.imag) ** 2).sum())
+
+    return float(max((period_s * _NEAR).tolist(), key=power))
 
 
 def _switchings(on: States) -> int:
@@ -139,14 +159,15 @@ def _log_likelihoods(dwells: Mapping[_Dwell, int], scatter: float, means_s: Floa
 
 
 def _likelihood(dwell: _Dwell, shape: float, means_s: Floats) -> Floats:
-    """[means] likelihood of a stay of a gamma distribution with so many degrees of freedom, by its mean."""
+    """[means] likelihood of a stay of a gamma distribution with so many degrees of freedom, by its mean.
+
+    Of one that was under way, times the length of a cycle.
+    """
     x = dwell.seen_s * shape / means_s
     lasts = gammaincc(shape, x)
-    if not dwell.begun and not dwell.ended:  # of a state in equilibrium: E max(D - seen, 0) / E D
-        return np.asarray(gammaincc(shape + 1, x) - x / shape * lasts)
-    if not dwell.begun:
-        return np.asarray(lasts / means_s)
-    if not dwell.ended:
+    if not dwell.begun and not dwell.ended:  # E max(D - seen, 0)
+        return np.asarray(means_s * (gammaincc(shape + 1, x) - x / shape * lasts))
+    if not dwell.begun or not dwell.ended:
         return np.asarray(lasts)
     if dwell.hidden_s > 0:
         return np.asarray(lasts - gammaincc(shape, x + dwell.hidden_s * shape / means_s)) / dwell.hidden_s
