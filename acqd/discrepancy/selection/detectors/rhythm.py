@@ -23,13 +23,14 @@ _STRAY = 0.05
 """Share of dwell times that are of any length: the residual hides some switchings."""
 _GLITCHES_S = (0.0, 1.0, 2.0, 4.0, 8.0)
 """Longest states that noise makes, equally likely beforehand; 0: noise makes none."""
-_NEAR = np.geomspace(0.8, 1.25, 46)
-_CYCLES_IN_PHASE = 6
-"""Of a thermostat: then its phase is another one."""
-_DIGITS = 3
-"""Of stays in s: equal ones are computed once."""
 _BETWEEN_S = 60.0
 """Expected time between such states, before any was seen."""
+_NEAR = np.geomspace(0.8, 1.25, 46)
+"""Periods that are compared, relative to the one by the likeliest means."""
+_CYCLES_IN_PHASE = 6
+"""After so many cycles, dwell times that scatter have shifted the phase."""
+_DIGITS = 3
+"""Of stays in s: equal ones are computed once."""
 
 States = list[NDArray[np.bool_]]
 
