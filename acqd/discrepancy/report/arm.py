@@ -40,9 +40,11 @@ def arm_view(closed: Closed) -> ArmView:
     chosen = sorted(range(len(sizes)), key=lambda k: -sizes[k])[:_MOST]
     before, after = subject.model, closed.improved.model(subject)
     motions = [_motion(subject.held_out[k], before, after, subject.data.step_s) for k in chosen]
+    label = "" if subject.data.measured == "mains" else f"{subject.data.measured.capitalize()} data. "
     caption = (
-        "First: power of the model after this search, by cause. Then: residual of the model before, split into what "
-        "the search has changed in the model and what is unexplained. Powers are at the mains; links are drawn plain."
+        f"{label}First: power of the model after this search, by cause. Then: residual of the model before, split into "
+        "what the search has changed in the model and what is unexplained. Powers are at the mains; links are drawn "
+        "plain."
     )
     return ArmView(frames_of(subject.robot), motions, caption)
 

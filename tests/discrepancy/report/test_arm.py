@@ -33,7 +33,9 @@ def test_layers_add_up_to_the_prediction_and_to_the_residual_before():
     load = found("offset_shift", {"power": (2.0, 0.4)}, where="cabinet", unit="W").term
     load = replace(load, coefficients=np.array([2.0]))
     after = Augmented(before, before, [load])
-    subject = subject_with(before, held_out=held_out, data=SimpleNamespace(step_s=STEP), robot=ROBOT)
+    subject = subject_with(
+        before, held_out=held_out, data=SimpleNamespace(step_s=STEP, measured="simulated"), robot=ROBOT
+    )
     subject.model = before
     errors = [[s.P - p for s, p in zip(held_out, predictions(m, held_out), strict=True)] for m in (before, after)]
     closed = SimpleNamespace(
@@ -41,6 +43,7 @@ def test_layers_add_up_to_the_prediction_and_to_the_residual_before():
         improved=SimpleNamespace(model=lambda _: after),
     )  # fmt: skip
     view = arm_view(closed)
+    assert view.caption.startswith("Simulated data. ")
     assert len(view.motions) == 3 and len(view.frames["joints"]) == ROBOT.axes
     for motion in view.motions:
         k = next(k for k, segment in enumerate(held_out) if segment.recording == motion.name)
