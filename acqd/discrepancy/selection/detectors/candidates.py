@@ -12,7 +12,8 @@ from acqd.arrays import Floats
 from acqd.discrepancy.loads import switching
 from acqd.discrepancy.regression.design_columns import Candidate, Twin
 from acqd.discrepancy.regression.design_matrix import Design
-from acqd.discrepancy.regression.gram import Column, Indices, Regression
+from acqd.discrepancy.regression.gram import Indices
+from acqd.discrepancy.regression.least_squares import Column, Regression
 from acqd.discrepancy.selection.detectors import ripple
 from acqd.discrepancy.selection.detectors.rhythm import rhythm
 from acqd.discrepancy.thresholds import THRESHOLDS
