@@ -100,7 +100,7 @@ def detect(design: Design, regression: Regression, gate: Floats, known: set[str]
 def _force(effect: Effect, scene: Scene) -> Floats:
     """[T] W of a contact force of 1 N that acts all the time."""
     power = effect_rows(effect, scene, {"share_of_time": 1.0})[:, 0]
-    scene.moved.clear()  # link frames of hours of motion are much larger than what they are needed for
+    scene.moved.clear()  # torques of bodies in hours of motion are much larger than what they are needed for
     return np.asarray(power)
 
 
