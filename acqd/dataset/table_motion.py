@@ -14,9 +14,11 @@ from acqd.dataset.power_values import large_power
 from acqd.errors import UserError
 from acqd.robot.columns import speed_fault, stuck, temperature_fault
 from acqd.robot.description import RobotDescription
+from acqd.robot.doubtful_rows import bridged, doubtful_rows
 from acqd.robot.garbled import FEW, beyond_limit, impossible_jump, limits, reach
-from acqd.robot.motion import MotionQuality, bridged, doubtful_rows, unwrapped
+from acqd.robot.motion_quality import MotionQuality
 from acqd.robot.resolution import resolution, smoothed, smoothing_of
+from acqd.robot.unwrapping import unwrapped
 
 _MOVED = 0.05
 """rad or m that a joint covers at least where its speed, torque and current cannot stay zero."""
@@ -53,7 +55,7 @@ def trusted_motion(time: Floats, q: Floats, robot: RobotDescription) -> tuple[Fl
     filled, usable = q.copy(), finite.copy()
     filled[known] = mended
     usable[known[unknown]] = False
-    return filled, usable, doubts.quality(unwrapped=tuple(names), smoothing=smoothing)
+    return filled, usable, replace(doubts.quality(), unwrapped=tuple(names), smoothing=smoothing)
 
 
 def without_unusable(

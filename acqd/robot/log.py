@@ -14,14 +14,16 @@ from acqd.errors import InputError
 from acqd.robot.bag import is_bag, read_bag
 from acqd.robot.columns import speed_fault, stuck, temperature_fault
 from acqd.robot.description import LogColumns, RobotDescription
+from acqd.robot.doubtful_rows import doubtful_rows
 from acqd.robot.garbled import BEYOND, FEW, beyond_limit, clock_restart, garbled_rows, impossible_jump, limits, reach
 from acqd.robot.labels import Texts
 from acqd.robot.log_layout import LABELS, PER_AXIS, Columns, layout_of, more_axes, twice, why_not, word_columns
-from acqd.robot.motion import MotionQuality, doubtful_rows, unwrapped
+from acqd.robot.motion_quality import MotionQuality
 from acqd.robot.resolution import resolution, smoothed, smoothing_of
 from acqd.robot.row_clock import LateStamps, clock_fault, late_stamps, set_back
 from acqd.robot.table import Table, read_table
 from acqd.robot.tool_point import check_tool_point
+from acqd.robot.unwrapping import unwrapped
 from acqd.rounded_times import Rebuilt, rebuilt_times, shared_stamps
 
 LATEST_S = 7_258_118_400.0
@@ -255,7 +257,8 @@ def _trusted(
         angles = log.q.copy()
         angles[rows[good]] = smoothed(stamps[good], log.q[rows[good]], smoothing.windows_s)
         log = replace(log, q=angles)
-    quality = doubts.quality(
+    quality = replace(
+        doubts.quality(),
         unwrapped=wrapped,
         unmeasured=unmeasured,
         unusable=tuple(unusable.values()),

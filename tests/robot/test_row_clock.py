@@ -6,8 +6,8 @@ import pytest
 from acqd.dataset.log_check import check_log
 from acqd.errors import InputError
 from acqd.robot.description import load_description
+from acqd.robot.doubtful_rows import doubtful_rows
 from acqd.robot.log import log_of, read_log
-from acqd.robot.motion import doubtful_rows
 from acqd.robot.row_clock import clock_fault, even_times, late_stamps
 from acqd.robot.table import Table
 from tests.places import ROBOT_LOGS
