@@ -15,9 +15,10 @@ from acqd.errors import UserError
 from acqd.robot.columns import speed_fault, stuck, temperature_fault
 from acqd.robot.description import RobotDescription
 from acqd.robot.doubtful_rows import bridged, doubtful_rows
+from acqd.robot.frozen_joint import frozen
 from acqd.robot.garbled import FEW, beyond_limit, impossible_jump, limits, reach
 from acqd.robot.motion_quality import MotionQuality
-from acqd.robot.resolution import resolution, smoothed, smoothing_of
+from acqd.robot.resolution import smoothed, smoothing_of, steps_of
 from acqd.robot.unwrapping import unwrapped
 
 _MOVED = 0.05
@@ -33,9 +34,12 @@ def trusted_motion(time: Floats, q: Floats, robot: RobotDescription) -> tuple[Fl
     `time` [T] s is even. Raises ValueError that says what no motion of this robot can be.
     """
     finite = np.asarray(np.isfinite(q).all(axis=1))
-    known = np.flatnonzero(finite)
-    if len(known) < 2:
+    if finite.sum() < 2:
         return q, finite, MotionQuality()
+    stale = np.zeros(q.shape, bool)
+    stale[finite] = frozen(time[finite], q[finite], steps_of(q[finite]), robot.acceleration)
+    usable = finite & ~stale.any(axis=1)
+    known = np.flatnonzero(usable)
     stamps = time[known]
     farthest = reach(np.diff(stamps), robot)
     angles = unwrapped(q[known], farthest, np.array([not joint.slides for joint in robot.joint]))
@@ -46,16 +50,20 @@ def trusted_motion(time: Floats, q: Floats, robot: RobotDescription) -> tuple[Fl
     jump = impossible_jump(stamps, angles, robot)
     if jump is not None:
         raise ValueError(f"row {int(known[jump[0] + 1]) + 1}: {jump[1]}; are rows of several recordings mixed?")
-    q_step = np.array([resolution(angle) for angle in angles.T])
+    q_step = steps_of(angles)
     doubts = doubtful_rows(stamps, angles, robot.speed, q_step)
-    names = [robot.joint[axis].name for axis in np.flatnonzero((angles != q[known]).any(axis=0))]
+    names = [
+        tuple(robot.joint[axis].name for axis in np.flatnonzero(flags.any(axis=0)))
+        for flags in (angles != q[known], stale)
+    ]
     mended, unknown = bridged(stamps, angles, doubts.any, _LONGEST_S)
     smoothing = smoothing_of(stamps, mended, q_step, robot.speed)
     mended = mended if smoothing is None else smoothed(stamps, mended, smoothing.windows_s)
-    filled, usable = q.copy(), finite.copy()
+    filled = q.copy()
     filled[known] = mended
     usable[known[unknown]] = False
-    return filled, usable, replace(doubts.quality(), unwrapped=tuple(names), smoothing=smoothing)
+    quality = replace(doubts.quality(), unwrapped=names[0], frozen=names[1], smoothing=smoothing)
+    return filled, usable, replace(quality, frozen_rows=int(stale.any(axis=1).sum()))
 
 
 def without_unusable(

@@ -33,6 +33,10 @@ class MotionQuality:
     """Usual time between rows with different poses."""
     unwrapped: tuple[str, ...] = ()
     """Joints whose angle jumped by whole turns."""
+    frozen: tuple[str, ...] = ()
+    """Joints whose angle stays for some rows while the joint moves on."""
+    frozen_rows: int = 0
+    """Rows that were left out because of them."""
     unmeasured: tuple[str, ...] = ()
     """Quantities that do not change while the arm moves: "the torque of every joint"."""
     unusable: tuple[str, ...] = ()
@@ -76,6 +80,8 @@ class MotionQuality:
             "early": self.early,
             "age_ms": round(1000 * self.age_s, 2),
             "unwrapped": list(self.unwrapped),
+            "frozen": list(self.frozen),
+            "frozen_rows": self.frozen_rows,
             "unmeasured": list(self.unmeasured),
             "unusable": list(self.unusable),
             "shared_stamps": self.rebuilt.shared if self.rebuilt else 0,
@@ -92,6 +98,11 @@ class MotionQuality:
             found.append(self.smoothing.sentence())
         if self.unwrapped:
             found.append(f"unwrapped where they jump by whole turns: {', '.join(self.unwrapped)}")
+        if self.frozen:
+            found.append(
+                f"{self.frozen_rows} rows are left out in which the angle of {', '.join(self.frozen)} stays, and then "
+                "jumps: its message or register was not refreshed"
+            )
         found += [f"{each} never changes while the arm moves, and counts as not measured" for each in self.unmeasured]
         found += [f"{each}: left out" for each in self.unusable]
         return found

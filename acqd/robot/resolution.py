@@ -64,6 +64,11 @@ def resolution(values: Floats) -> float:
     return max(_step(some) for some in [finite, *many] if len(some) > _MANY * len(finite))
 
 
+def steps_of(q: Floats) -> Floats:
+    """[axes] rad or m: how finely angles [T, axes] are written."""
+    return np.array([resolution(angle) for angle in q.T])
+
+
 def _step(values: Floats) -> float:
     for unit in (1.0, np.pi / 180):
         distinct = len(np.unique(np.rint(values / unit * 10.0 ** (_FINEST + 1))))

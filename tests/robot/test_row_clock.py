@@ -7,7 +7,9 @@ from acqd.dataset.log_check import check_log
 from acqd.errors import InputError
 from acqd.robot.description import load_description
 from acqd.robot.doubtful_rows import doubtful_rows
+from acqd.robot.frozen_joint import frozen
 from acqd.robot.log import log_of, read_log
+from acqd.robot.resolution import steps_of
 from acqd.robot.row_clock import clock_fault, even_times, late_stamps
 from acqd.robot.table import Table
 from tests.places import ROBOT_LOGS
@@ -288,3 +290,22 @@ def test_a_short_log_in_packets_is_not_in_minutes():
     arrived = 0.008 * np.minimum((row // 25 + 1) * 25 - 1, 59) + 0.0002 * (row % 25)
     q = np.column_stack([0.8 * np.sin(2 * np.pi * (0.1 + 0.03 * axis) * 0.008 * row + axis) for axis in range(6)])
     check_log(log_with(arrived, q), ROBOT)
+
+
+@pytest.mark.parametrize(("first", "rows", "joint"), [(600, 100, 1), (900, 20, 2), (1200, 150, 0)])
+def test_rows_of_a_joint_whose_angle_is_not_refreshed_are_left_out(real, first, rows, joint):
+    t, q = real
+    stale = q.copy()
+    stale[first : first + rows, joint] = q[first, joint]  # up to 0.54 rad, and more than a joint can jump
+    log = log_with(t, stale)
+    assert log.quality.frozen == (ROBOT.joint[joint].name,)
+    np.testing.assert_array_equal(log.time, np.delete(t, np.arange(first + 1, first + rows)))
+    assert "was not refreshed" in "; ".join(log.quality.sentences())
+
+
+def test_joints_that_are_refreshed_in_turn_or_written_coarsely_are_not_frozen(real):
+    t, q = real
+    rows = np.arange(len(t))
+    in_turn = np.column_stack([q[np.maximum((rows - joint) // 6 * 6 + joint, 0), joint] for joint in range(6)])
+    for angles in (q, np.round(q, 2), in_turn):
+        assert not frozen(t, angles, steps_of(angles), ROBOT.acceleration).any()
