@@ -15,8 +15,8 @@ from acqd.errors import UserError
 from acqd.robot.columns import speed_fault, stuck, temperature_fault
 from acqd.robot.description import RobotDescription
 from acqd.robot.doubtful_rows import bridged, doubtful_rows
-from acqd.robot.frozen_joint import frozen
 from acqd.robot.garbled import FEW, beyond_limit, impossible_jump, limits, reach
+from acqd.robot.joint_refresh import between_refreshes, frozen
 from acqd.robot.motion_quality import MotionQuality
 from acqd.robot.resolution import smoothed, smoothing_of, steps_of
 from acqd.robot.unwrapping import unwrapped
@@ -51,18 +51,19 @@ def trusted_motion(time: Floats, q: Floats, robot: RobotDescription) -> tuple[Fl
     if jump is not None:
         raise ValueError(f"row {int(known[jump[0] + 1]) + 1}: {jump[1]}; are rows of several recordings mixed?")
     q_step = steps_of(angles)
-    doubts = doubtful_rows(stamps, angles, robot.speed, q_step)
+    lines, q_step = between_refreshes(stamps, angles, q_step, robot.speed)
+    doubts = doubtful_rows(stamps, lines, robot.speed, q_step)
     names = [
         tuple(robot.joint[axis].name for axis in np.flatnonzero(flags.any(axis=0)))
-        for flags in (angles != q[known], stale)
+        for flags in (angles != q[known], stale, lines != angles)
     ]
-    mended, unknown = bridged(stamps, angles, doubts.any, _LONGEST_S)
+    mended, unknown = bridged(stamps, lines, doubts.any, _LONGEST_S)
     smoothing = smoothing_of(stamps, mended, q_step, robot.speed)
     mended = mended if smoothing is None else smoothed(stamps, mended, smoothing.windows_s)
     filled = q.copy()
     filled[known] = mended
     usable[known[unknown]] = False
-    quality = replace(doubts.quality(), unwrapped=names[0], frozen=names[1], smoothing=smoothing)
+    quality = replace(doubts.quality(), unwrapped=names[0], frozen=names[1], by_itself=names[2], smoothing=smoothing)
     return filled, usable, replace(quality, frozen_rows=int(stale.any(axis=1).sum()))
 
 

@@ -15,8 +15,8 @@ from acqd.robot.bag import is_bag, read_bag
 from acqd.robot.columns import speed_fault, stuck, temperature_fault
 from acqd.robot.description import LogColumns, RobotDescription
 from acqd.robot.doubtful_rows import doubtful_rows
-from acqd.robot.frozen_joint import frozen
 from acqd.robot.garbled import BEYOND, FEW, beyond_limit, clock_restart, garbled_rows, impossible_jump, limits, reach
+from acqd.robot.joint_refresh import between_refreshes, frozen
 from acqd.robot.labels import Texts
 from acqd.robot.log_layout import LABELS, PER_AXIS, Columns, layout_of, more_axes, twice, why_not, word_columns
 from acqd.robot.motion_quality import MotionQuality
@@ -132,8 +132,11 @@ def log_of(path: Path, table: Table, robot: RobotDescription) -> RobotLog:
         raise InputError(path, f"{where}: {jump[1]}; is the log damaged, in degrees, or another robot's?")
     if point is not None:
         check_tool_point(path, robot, log.q, point)
+    unwrapped_q = log.q
+    log, q_step = _refreshed(log, robot)
     quality = MotionQuality(
-        unwrapped=_names(robot, recorded != log.q),
+        unwrapped=_names(robot, recorded != unwrapped_q),
+        by_itself=_names(robot, log.q != unwrapped_q),
         frozen=_names(robot, stale),
         frozen_rows=int(stale.any(axis=1).sum()),
         rebuilt=stamps,
@@ -141,7 +144,7 @@ def log_of(path: Path, table: Table, robot: RobotDescription) -> RobotLog:
     if more := more_axes(table, robot, found[0]):
         axes = f"has {robot.axes + more} axes, {robot.name} has {robot.axes}: the others are not used; is it its log?"
         log = replace(log, note=f"{log.note}; {axes}" if log.note else axes)
-    return _trusted(log, robot, quality, table)
+    return _trusted(log, robot, quality, q_step, table)
 
 
 def _names(robot: RobotDescription, flags: NDArray[np.bool_]) -> tuple[str, ...]:
@@ -235,14 +238,21 @@ def _unwrapped(log: RobotLog, robot: RobotDescription) -> RobotLog:
     return replace(log, q=angles)
 
 
-def _trusted(log: RobotLog, robot: RobotDescription, found: MotionQuality, table: Table) -> RobotLog:
+def _refreshed(log: RobotLog, robot: RobotDescription) -> tuple[RobotLog, Floats]:
+    """The log without the old angles of joints that are refreshed by themselves, and how finely it knows angles."""
+    stamps, rows = in_time(log)
+    angles = log.q.copy()
+    angles[rows], q_step = between_refreshes(stamps, log.q[rows], steps_of(log.q[rows]), robot.speed)
+    return replace(log, q=angles), q_step
+
+
+def _trusted(log: RobotLog, robot: RobotDescription, found: MotionQuality, q_step: Floats, table: Table) -> RobotLog:
     """The log without rows whose pose is not that of their time, and without quantities that are not measured.
 
-    `found`: what reading the log has shown already.
+    `found`: what reading the log has shown already; `q_step` [axes]: how finely angles are known.
     Raises InputError where the times are not those of the poses at all.
     """
     stamps, rows = in_time(log)
-    q_step = steps_of(log.q[rows])
     doubts = doubtful_rows(stamps, log.q[rows], robot.speed, q_step)
     new = np.flatnonzero(~doubts.repeated)
     fault = clock_fault(stamps[new], log.q[rows[new]], robot.speed, q_step, np.diff(new) > 1)
@@ -272,6 +282,7 @@ def _trusted(log: RobotLog, robot: RobotDescription, found: MotionQuality, table
     quality = replace(
         doubts.quality(),
         unwrapped=found.unwrapped,
+        by_itself=found.by_itself,
         frozen=found.frozen,
         frozen_rows=found.frozen_rows,
         unmeasured=unmeasured,

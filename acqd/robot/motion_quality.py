@@ -33,6 +33,8 @@ class MotionQuality:
     """Usual time between rows with different poses."""
     unwrapped: tuple[str, ...] = ()
     """Joints whose angle jumped by whole turns."""
+    by_itself: tuple[str, ...] = ()
+    """Joints whose angle is refreshed every few rows only, or once it has changed by a deadband."""
     frozen: tuple[str, ...] = ()
     """Joints whose angle stays for some rows while the joint moves on."""
     frozen_rows: int = 0
@@ -80,6 +82,7 @@ class MotionQuality:
             "early": self.early,
             "age_ms": round(1000 * self.age_s, 2),
             "unwrapped": list(self.unwrapped),
+            "refreshed_by_itself": list(self.by_itself),
             "frozen": list(self.frozen),
             "frozen_rows": self.frozen_rows,
             "unmeasured": list(self.unmeasured),
@@ -98,6 +101,11 @@ class MotionQuality:
             found.append(self.smoothing.sentence())
         if self.unwrapped:
             found.append(f"unwrapped where they jump by whole turns: {', '.join(self.unwrapped)}")
+        if self.by_itself:
+            found.append(
+                f"the angle of {', '.join(self.by_itself)} is often that of an earlier row while other joints move on: "
+                "straight lines between the new values are used; record all joints in every row"
+            )
         if self.frozen:
             found.append(
                 f"{self.frozen_rows} rows are left out in which the angle of {', '.join(self.frozen)} stays, and then "

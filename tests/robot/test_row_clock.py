@@ -1,5 +1,7 @@
 """Stamps of rows that are not those of their poses: late, in packets, of a clock that was set, of two recorders."""
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -7,7 +9,7 @@ from acqd.dataset.log_check import check_log
 from acqd.errors import InputError
 from acqd.robot.description import load_description
 from acqd.robot.doubtful_rows import doubtful_rows
-from acqd.robot.frozen_joint import frozen
+from acqd.robot.joint_refresh import between_refreshes, frozen
 from acqd.robot.log import log_of, read_log
 from acqd.robot.resolution import steps_of
 from acqd.robot.row_clock import clock_fault, even_times, late_stamps
@@ -303,9 +305,43 @@ def test_rows_of_a_joint_whose_angle_is_not_refreshed_are_left_out(real, first, 
     assert "was not refreshed" in "; ".join(log.quality.sentences())
 
 
+def in_turn(q):
+    """Each joint's angle is new in every sixth row."""
+    rows = np.arange(len(q))
+    return np.column_stack([q[np.maximum((rows - joint) // 6 * 6 + joint, 0), joint] for joint in range(6)])
+
+
+def on_change(q):
+    """A joint's angle is new once it has changed by 0.2 degrees."""
+    held = q.copy()
+    for joint, row in itertools.product(range(6), range(1, len(q))):
+        if abs(q[row, joint] - held[row - 1, joint]) < np.radians(0.2):
+            held[row, joint] = held[row - 1, joint]
+    return held
+
+
 def test_joints_that_are_refreshed_in_turn_or_written_coarsely_are_not_frozen(real):
     t, q = real
-    rows = np.arange(len(t))
-    in_turn = np.column_stack([q[np.maximum((rows - joint) // 6 * 6 + joint, 0), joint] for joint in range(6)])
-    for angles in (q, np.round(q, 2), in_turn):
+    for angles in (q, np.round(q, 2), in_turn(q)):
         assert not frozen(t, angles, steps_of(angles), ROBOT.acceleration).any()
+
+
+@pytest.mark.parametrize(("recorded", "share", "step"), [(in_turn, 0.05, 0.0015), (on_change, 0.85, 0.0036)])
+def test_angles_that_are_refreshed_joint_by_joint_are_put_on_lines_between_new_ones(real, recorded, share, step):
+    t, q = real
+    t, q = t[:1500], q[:1500]
+    log = log_with(t, recorded(q))
+    assert log.quality.by_itself == tuple(joint.name for joint in ROBOT.joint)
+    assert "record all joints in every row" in "; ".join(log.quality.sentences())
+    lines, known = between_refreshes(t, recorded(q), np.full(6, 1e-4), ROBOT.speed)
+    assert np.sqrt(np.mean((lines - q) ** 2)) < share * np.sqrt(np.mean((recorded(q) - q) ** 2))
+    assert (known > 1e-4).all() and (known < step).all()
+
+
+def test_angles_of_few_digits_or_with_rests_are_new_in_every_row(real):
+    t, q = real
+    t, q = t[:1500], q[:1500]
+    even = t[0] + 0.04 * np.arange(400)
+    q25 = np.column_stack([np.interp(even, t, angle) for angle in q.T])
+    for time, angles in ((t, q), (t, np.round(q, 2)), (t, np.round(q, 4)), (even, q25), (even, np.round(q25, 3))):
+        np.testing.assert_array_equal(between_refreshes(time, angles, steps_of(angles), ROBOT.speed)[0], angles)
