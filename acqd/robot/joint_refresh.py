@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acqd.arrays import Floats
+from acqd.robot.resolution import common_step
 
 Flags = NDArray[np.bool_]
 
@@ -91,6 +92,7 @@ def _refreshed(
     waited = np.diff(stays[changed], prepend=0) > 1
     size = np.abs(np.diff(angle))[changed - 1]
     fast = size > _MOVING * speed * (time[changed] - time[changed - np.maximum(rows, 1)])
+    written = max(written, common_step(size))
     stale = waited & (size > _COUNTS * written)  # one step of an encoder may take any time
     if fast.sum() < _FEWEST or stale[fast].mean() < _OFTEN:
         return None

@@ -343,5 +343,12 @@ def test_angles_of_few_digits_or_with_rests_are_new_in_every_row(real):
     t, q = t[:1500], q[:1500]
     even = t[0] + 0.04 * np.arange(400)
     q25 = np.column_stack([np.interp(even, t, angle) for angle in q.T])
-    for time, angles in ((t, q), (t, np.round(q, 2)), (t, np.round(q, 4)), (even, q25), (even, np.round(q25, 3))):
+    for time, angles in (
+        (t, q),
+        (t, np.round(q, 2)),
+        (t, np.round(q, 4)),
+        (even, q25),
+        (even, np.round(q25, 3)),
+        (even, q25 // 0.0035 * 0.0035),
+    ):
         np.testing.assert_array_equal(between_refreshes(time, angles, steps_of(angles), ROBOT.speed)[0], angles)
