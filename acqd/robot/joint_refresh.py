@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acqd.arrays import Floats
+from acqd.numerics import mad_sigma
 from acqd.robot.resolution import common_step
 
 Flags = NDArray[np.bool_]
@@ -18,9 +19,11 @@ _RUN = 3
 """Times the rows that the joint's values usually stay: fewer leave neighbours by which the angle is known."""
 _TOO_FAST = 3.0
 """Times the described acceleration, which programs keep to and stops exceed."""
+_CLEARLY = 6.0
+"""Standard deviations of the angle's noise."""
 _FEWEST = 30
 """Changes by which the refreshing of a joint is known."""
-_OFTEN = 0.05
+_OFTEN = 0.2
 """Share of the changes of a moving joint before which its value stayed while others changed."""
 _MOVING = 0.005
 """Share of the speed limit from which on a joint moves."""
@@ -52,7 +55,8 @@ def _frozen(time: Floats, angle: Floats, written: float, acceleration: float) ->
     steps = moved[moved > 0]
     written = max(written, float(steps.min())) if len(steps) else written
     last_s = time[first[1:]] - time[first[1:] - 1]  # the row in which the joint moves at once
-    possible = np.maximum(_TOO_FAST * acceleration * last_s**2, _RESOLUTIONS * written)
+    noise = mad_sigma(np.diff(angle, 2), 0.0) / np.sqrt(6)
+    possible = np.maximum(_TOO_FAST * acceleration * last_s**2, max(_RESOLUTIONS * written, _CLEARLY * noise))
     long = held > _RUN * max(float(np.median(held)), 1.0) if len(held) else held > 0
     for k in np.flatnonzero(long & (moved > possible)):
         stale[first[k] + 1 : first[k + 1]] = True
@@ -94,7 +98,9 @@ def _refreshed(
     fast = size > _MOVING * speed * (time[changed] - time[changed - np.maximum(rows, 1)])
     written = max(written, common_step(size))
     stale = waited & (size > _COUNTS * written)  # one step of an encoder may take any time
-    if fast.sum() < _FEWEST or stale[fast].mean() < _OFTEN:
+    onward = np.sign(np.diff(angle)[changed - 1])
+    onward = np.where(onward == np.roll(onward, 1), 1, -1)  # the noise of an encoder goes back more often than on
+    if fast.sum() < _FEWEST or (stale * onward)[fast].mean() < _OFTEN:
         return None
     usual = int(np.median(rows[fast]))
     rested = changed[rows > _RUN * usual] - usual

@@ -48,8 +48,11 @@ _CALM = 0.1
 """Scatter of the ways up to which a way of two rows is known."""
 _SET_ROWS, _SET_S = 5.0, 0.04
 """Usual steps, and s, by which the stamps go on while the arm covers the way of one row."""
-_TO_AND_FRO, _TO_AND_FRO_SHARE = 2.0, 0.5
-"""Way of two rows over their distance, and the share of the rows in motion, from which on the arm goes to and fro."""
+_AHEAD = 0.5
+"""Distance covered over the ways between, of an arm that goes somewhere. The noise of encoders covers a ninth."""
+_TO_AND_FRO, _TO_AND_FRO_SHARE = 3.0, 0.5
+"""Way of two rows over their distance, and the share of the rows in motion, from which on the arm goes to and fro. The
+noise of encoders goes twice as far."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,6 +95,8 @@ class _Ways:
     """Way of the arm over the usual one around it."""
     step_s: Floats
     """Usual step around it, s."""
+    fast: NDArray[np.bool_]
+    """Steps of a usual way, on the way to somewhere or to and fro."""
 
     @property
     def judged(self) -> NDArray[np.bool_]:
@@ -152,12 +157,14 @@ def clock_fault(
     ways = _ways(time, q / speed, q_step / speed)
     if ways is None:
         return None
-    fro = _to_and_fro(q / speed, ways.judged)
+    fro = _to_and_fro(q / speed, ways.fast)
     if fro > _TO_AND_FRO_SHARE:
         return ClockFault(
             f"the arm goes to and fro from row to row in {fro:.0%} of the rows in motion: are rows of two "
             "recorders, or of two robots, in one file? Write one file for each"
         )
+    if ways.judged.sum() < _FEWEST:
+        return None
     equal = np.diff(q, axis=0).any(axis=1) == 0
     skipped = equal if left_out is None else equal | left_out
     skipped = skipped | np.append(skipped[1:], False) | np.insert(skipped[:-1], 0, False)
@@ -214,15 +221,15 @@ def _ways(time: Floats, x: Floats, x_step: Floats) -> _Ways | None:
     ahead[_AROUND:-_AROUND] = chord
     typical_s = float(np.median(step_s))
     written = float(np.linalg.norm(x_step))
-    fast = (usual > _FAST * np.maximum(usual_s, typical_s)) & (usual > _STEPS_OF_ENCODER * written) & (ahead > 0)
+    fast = (usual > _FAST * np.maximum(usual_s, typical_s)) & (usual > _STEPS_OF_ENCODER * written)
     # where the arm starts, stops or turns there is no usual way
     even = np.abs(usual - _shifted(usual)) < 0.3 * usual
-    judged = fast & even
-    if judged.sum() < _FEWEST:
+    fast &= even & (ahead > 0)
+    if fast.sum() < _FEWEST:
         return None
     nan = np.full(len(way), np.nan)
-    nan[judged] = 1.0
-    return _Ways(step_s / usual_s * nan, way / np.maximum(usual, 1e-12) * nan, usual_s)
+    nan[fast & (ahead > _AHEAD * usual)] = 1.0
+    return _Ways(step_s / usual_s * nan, way / np.maximum(usual, 1e-12) * nan, usual_s, fast)
 
 
 def _shifted(usual: Floats) -> Floats:
