@@ -22,12 +22,12 @@ from acqd.robot.motion_quality import MotionQuality
 
 Flags = NDArray[np.bool_]
 
-_MOVING = 0.005
+MOVING = 0.005
 """Share of the speed limits from which on an arm moves: slower rows tell nothing, and do no harm."""
 _CAUGHT_UP = 0.5
 """Speed across equal poses, over the speed around them, from which on the arm has moved meanwhile. An arm that starts
 or stops there, within one row, reaches a third."""
-_RESOLUTIONS = 2.5
+RESOLUTIONS = 2.5
 """Steps of the encoder: a slow joint crosses one now and then, and the rows between are equal by right."""
 _OLD = 0.3
 """Of the time between rows: an age that is a fault, not a jitter."""
@@ -35,7 +35,7 @@ _OLD_COARSE, _COARSE_S = 0.8, 0.02
 """The same for rows so far apart that a cubic through their neighbours misses a hard start."""
 _LEAST_AGE_S = 0.002
 """Younger faults, of logs at 1 kHz, are below what rows of 40 ms show."""
-_CLEARLY = 6.0
+CLEARLY = 6.0
 """Standard deviations of the poses' distances from the path."""
 _ALONG = 0.5
 """Distance across the path, over that along the path, at which a pose is off the path and not late on it."""
@@ -87,7 +87,7 @@ def doubtful_rows(time: Floats, q: Floats, speed: Floats, q_step: Floats | None 
     old, since_s = _sent_again(time, x, step)
     old &= ~repeated
     kept = np.flatnonzero(~repeated & ~old)
-    moves = _speeds(time, x) > _MOVING
+    moves = _speeds(time, x) > MOVING
     row_s = _usual_step(time[kept], moves[kept])
     written = float(np.linalg.norm(step))
     ages: list[Floats] = [since_s[old]] if old.any() else []
@@ -138,7 +138,7 @@ def _repeated(time: Floats, x: Floats, step: Floats) -> Flags:
     steps = np.abs(moved)
     resolution = np.where(steps > 0, steps, np.inf).min(axis=0)
     finite = np.maximum(np.where(np.isfinite(resolution), resolution, 0.0), step)
-    caught_up = (across > _MOVING) & (across >= _CAUGHT_UP * around) & (steps > _RESOLUTIONS * finite).any(axis=1)
+    caught_up = (across > MOVING) & (across >= _CAUGHT_UP * around) & (steps > RESOLUTIONS * finite).any(axis=1)
     held = np.flatnonzero(caught_up & (np.diff(first) > 1))
     for start, end in zip(first[held] + 1, first[held + 1], strict=True):
         repeated[start:end] = True
@@ -167,11 +167,11 @@ def _sent_again(time: Floats, x: Floats, step: Floats) -> tuple[Flags, Floats]:
     start, end = np.maximum(before - _AROUND, 0), np.minimum(rows + _AROUND, len(x) - 1)
     arrives, leaves = x[before] - x[start], x[end] - x[rows]
     fast = [
-        np.linalg.norm(way, axis=1) > np.maximum(_MOVING * span, _RESOLUTIONS * float(np.linalg.norm(step)))
+        np.linalg.norm(way, axis=1) > np.maximum(MOVING * span, RESOLUTIONS * float(np.linalg.norm(step)))
         for way, span in ((arrives, time[before] - time[start]), (leaves, time[end] - time[rows]))
     ]
     way = np.linalg.norm(arrives, axis=1) / np.maximum(before - start, 1)
-    least = np.maximum(_AWAY * way, _RESOLUTIONS * float(np.linalg.norm(step)))
+    least = np.maximum(_AWAY * way, RESOLUTIONS * float(np.linalg.norm(step)))
     away = np.array([np.linalg.norm(x[a:b] - x[a], axis=1).max() for a, b in zip(before, rows, strict=True)])
     found = rows[fast[0] & fast[1] & ((arrives * leaves).sum(axis=1) > 0) & (away > least)]
     again[found] = True
@@ -215,15 +215,15 @@ def _not_at_their_time(time: Floats, x: Floats, row_s: float, written: float, *,
     off = x[middle] - expected
     along = (off * direction).sum(axis=1)
     across = np.linalg.norm(off - along[:, None] * direction, axis=1)
-    judged = (speed > _MOVING) & (stamps[3] - stamps[0] < _FAR_ROWS * row_s)
+    judged = (speed > MOVING) & (stamps[3] - stamps[0] < _FAR_ROWS * row_s)
     if not judged.any():
         return wrong, ages
-    age = -along / np.maximum(speed, _MOVING)
+    age = -along / np.maximum(speed, MOVING)
     noise = mad_sigma(along[judged], 0.0)
     old = _OLD if row_s < _COARSE_S else _OLD_COARSE
-    jitter = _CLEARLY * mad_sigma(age[judged], 0.0)
+    jitter = CLEARLY * mad_sigma(age[judged], 0.0)
     noise = max(noise, written / np.sqrt(12))
-    limit = np.maximum(max(old * row_s, _LEAST_AGE_S, jitter), _CLEARLY * noise / np.maximum(speed, _MOVING))
+    limit = np.maximum(max(old * row_s, _LEAST_AGE_S, jitter), CLEARLY * noise / np.maximum(speed, MOVING))
     late = -age if newer else age
     bad = judged & (late > limit) & (np.abs(along) > old * row_s * fast) & (across < _ALONG * np.abs(along))
     height = np.where(bad, late, 0.0)

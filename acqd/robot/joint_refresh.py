@@ -11,26 +11,20 @@ from numpy.typing import NDArray
 
 from acqd.arrays import Floats
 from acqd.numerics import mad_sigma
+from acqd.robot.doubtful_rows import CLEARLY, MOVING, RESOLUTIONS
+from acqd.robot.garbled import TOO_FAST
 from acqd.robot.resolution import common_step
 
 Flags = NDArray[np.bool_]
 
 _RUN = 3
 """Times the rows that the joint's values usually stay: fewer leave neighbours by which the angle is known."""
-_TOO_FAST = 3.0
-"""Times the described acceleration, which programs keep to and stops exceed."""
-_CLEARLY = 6.0
-"""Standard deviations of the angle's noise."""
 _FEWEST = 30
 """Changes by which the refreshing of a joint is known."""
 _OFTEN = 0.2
 """Share of the changes of a moving joint before which its value stayed while others changed."""
-_MOVING = 0.005
-"""Share of the speed limit from which on a joint moves."""
 _COUNTS = 1.5
 """Steps of the written values, below which a change is one step."""
-_RESOLUTIONS = 2.5
-"""Steps of the written values that a slow joint may cross from one row to the next."""
 
 
 def frozen(time: Floats, q: Floats, q_step: Floats, acceleration: Floats) -> Flags:
@@ -56,7 +50,7 @@ def _frozen(time: Floats, angle: Floats, written: float, acceleration: float) ->
     written = max(written, float(steps.min())) if len(steps) else written
     last_s = time[first[1:]] - time[first[1:] - 1]  # the row in which the joint moves at once
     noise = mad_sigma(np.diff(angle, 2), 0.0) / np.sqrt(6)
-    possible = np.maximum(_TOO_FAST * acceleration * last_s**2, max(_RESOLUTIONS * written, _CLEARLY * noise))
+    possible = np.maximum(TOO_FAST * acceleration * last_s**2, max(RESOLUTIONS * written, CLEARLY * noise))
     long = held > _RUN * max(float(np.median(held)), 1.0) if len(held) else held > 0
     for k in np.flatnonzero(long & (moved > possible)):
         stale[first[k] + 1 : first[k + 1]] = True
@@ -95,7 +89,7 @@ def _refreshed(
     stays = np.concatenate([[0], np.cumsum(moves)])  # rows in which others move do not count where all stay
     waited = np.diff(stays[changed], prepend=0) > 1
     size = np.abs(np.diff(angle))[changed - 1]
-    fast = size > _MOVING * speed * (time[changed] - time[changed - np.maximum(rows, 1)])
+    fast = size > MOVING * speed * (time[changed] - time[changed - np.maximum(rows, 1)])
     written = max(written, common_step(size))
     stale = waited & (size > _COUNTS * written)  # one step of an encoder may take any time
     onward = np.sign(np.diff(angle)[changed - 1])
