@@ -14,6 +14,7 @@ import orjson
 import sqlalchemy as sa
 from msgspec.structs import astuple
 
+from acqd.storage.away import left_out
 from acqd.storage.migrations.versions.m0010_numbered_rows import SELECT
 from acqd.telemetry.row import CHANNELS, SCHEMA, PowerRow
 from acqd.timestamps import filetime, rfc3339, utc_ns
@@ -32,7 +33,10 @@ _Values: TypeAlias = list[Any]
 
 
 def insert(connection: sa.Connection, rows: Sequence[PowerRow]) -> list[int]:
-    """Insert what is new; positions in `rows` of those whose key is stored with other values. SQLite only."""
+    """Insert what is new; positions in `rows` of those whose key is stored with other values. SQLite only.
+
+    Raises the errors of SQLAlchemy; DatabaseAwayError where the database drops rows without an error.
+    """
     values, odd = _Numbers(connection).of(rows)
     if odd:
         first: dict[int, str | None] = {}
@@ -43,12 +47,15 @@ def insert(connection: sa.Connection, rows: Sequence[PowerRow]) -> list[int]:
         if stamps:
             connection.exec_driver_sql("INSERT INTO power_stamp VALUES (?, ?)", stamps)
     try:
-        _insert_new(connection, values)
+        if (taken := _insert_new(connection, values)) < len(rows):
+            raise left_out(connection, len(rows) - taken)
         return []
     except sa.exc.IntegrityError:  # a key is there already; rows before it are inserted, and equal to themselves
         each = _cut(values, _COLUMNS)
         connection.exec_driver_sql(f"INSERT INTO power_row VALUES {_PLACES} ON CONFLICT DO NOTHING", each)
     stored = {number: rest for number, *rest in _stored(connection, {one[0] for one in each})}
+    if missing := sum(one[0] not in stored for one in each):
+        raise left_out(connection, missing)
     return [k for k, one in enumerate(each) if stored[one[0]] != [*one[1:], odd.get(k)]]
 
 
@@ -120,16 +127,18 @@ def last_of_run(connection: sa.Connection, run: int, channel: str) -> tuple[int,
     return None if row is None else (int(row[0]) >> 2 & 0xFFFFFFFF, float(row[1]))
 
 
-def _insert_new(connection: sa.Connection, values: _Values) -> None:
-    """Many rows a statement: in each, SQLite looks for the end of table and index once, and Python locks once.
+def _insert_new(connection: sa.Connection, values: _Values) -> int:
+    """Insert; how many rows.
 
+    Many a statement: in each, SQLite looks for the end of table and index once, and Python locks once.
     FAIL keeps the rows before the one that is there already; ABORT would first copy every page that it changes.
     """
-    whole = len(values) - len(values) % (_COLUMNS * _TOGETHER)
+    whole, taken = len(values) - len(values) % (_COLUMNS * _TOGETHER), 0
     for some, together in ((values[:whole], _TOGETHER), (values[whole:], 1)):
         if some:
             statement = f"INSERT OR FAIL INTO power_row VALUES {', '.join([_PLACES] * together)}"
-            connection.exec_driver_sql(statement, _cut(some, _COLUMNS * together))
+            taken += connection.exec_driver_sql(statement, _cut(some, _COLUMNS * together)).rowcount
+    return taken
 
 
 def _cut(values: _Values, length: int) -> list[tuple[Any, ...]]:
