@@ -46,21 +46,21 @@ _WAL_SWITCHES = 12
 def rights_taken(bed: Bed, chance: random.Random) -> None:
     """The role of the sink loses a right for some seconds."""
     taken, given = chance.choice(_TAKEN)
-    _as_administrator(bed, taken, _DISCONNECT)
+    as_administrator(bed, taken, DISCONNECT)
     try:
         pause(chance, 1.0, 5.0)
     finally:
-        _as_administrator(bed, given, _DISCONNECT)
+        as_administrator(bed, given, DISCONNECT)
 
 
 def settings_changed(bed: Bed, chance: random.Random) -> None:
     """Role or database have another time zone, another style of dates and so on, and the sessions begin again."""
     of = chance.choice([f"ROLE {ROLE}", "DATABASE postgres"])
     some = chance.sample(sorted(_SETTINGS), 4)
-    _as_administrator(bed, *(f"ALTER {of} SET {name} = {_quoted(chance.choice(_SETTINGS[name]))}" for name in some))
-    _as_administrator(bed, _DISCONNECT)
+    as_administrator(bed, *(f"ALTER {of} SET {name} = {_quoted(chance.choice(_SETTINGS[name]))}" for name in some))
+    as_administrator(bed, DISCONNECT)
     pause(chance, 1.0, 4.0)
-    _as_administrator(bed, f"ALTER {of} RESET ALL", _DISCONNECT)
+    as_administrator(bed, f"ALTER {of} RESET ALL", DISCONNECT)
 
 
 def log_disk_full(bed: Bed, chance: random.Random) -> None:
@@ -68,12 +68,17 @@ def log_disk_full(bed: Bed, chance: random.Random) -> None:
     assert bed.database is not None
     disk = bed.disks["log"]
     disk.fill()
-    with suppress(sa.exc.SQLAlchemyError):
-        for _ in range(_WAL_SWITCHES):
-            _as_administrator(bed, "SELECT pg_switch_wal()", "CHECKPOINT", f"COMMENT ON ROLE {ROLE} IS 'x'")
+    use_up_log(bed)
     pause(chance, 1.0, 4.0)
     disk.free()
     bed.database.revive()
+
+
+def use_up_log(bed: Bed) -> None:
+    """Begin one file of the write-ahead log after the other, until the server cannot."""
+    with suppress(sa.exc.SQLAlchemyError):
+        for _ in range(_WAL_SWITCHES):
+            as_administrator(bed, "SELECT pg_switch_wal()", "CHECKPOINT", f"COMMENT ON ROLE {ROLE} IS 'x'")
 
 
 def pooler(bed: Bed, chance: random.Random) -> None:
@@ -116,7 +121,8 @@ def _quoted(value: str) -> str:
     return value if value.startswith("'") or "," in value else f"'{value}'"
 
 
-def _as_administrator(bed: Bed, *statements: str) -> None:
+def as_administrator(bed: Bed, *statements: str) -> None:
+    """Run statements, each in a transaction, as one who may everything."""
     with bed.engine.connect().execution_options(isolation_level="AUTOCOMMIT") as connection:
         for statement in statements:
             connection.exec_driver_sql(statement)
@@ -127,7 +133,7 @@ def missing_pooler() -> str:
     return "" if Path(POOLER).exists() else "PgBouncer is not installed: apt install pgbouncer"
 
 
-_DISCONNECT = f"SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE usename = '{ROLE}'"
+DISCONNECT = f"SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE usename = '{ROLE}'"
 POOLER = shutil.which("pgbouncer", path=f"{os.environ.get('PATH', '')}:/usr/sbin") or "/usr/sbin/pgbouncer"
 FAULTS: dict[str, Fault] = {
     "PostgreSQL: rights taken": rights_taken,
