@@ -70,6 +70,11 @@ FOUND = {
     "robot": {"robot.toml": b"a = " + b"[" * 5000},
     "urdf": {"robot.urdf": b"<robot name='\xe2\x80\xa8'><link name='" + b"[" * 9000 + b"'/><joint/></robot>"},
     "meter-profile": {"meter.toml": b"\xff"},
+    "isf, digits": {
+        "a_CH1.isf": b":WFMPRE:BYT_NR 1;ENCDG ASC;XINCR 1E-4;YMULT 1;YOFF 0;YZERO 0;NR_PT "
+        + b"9" * 5000
+        + b";:CURVE 1,2,3"
+    },
     "power-csv, no UTF-8": {"p.csv": b"time,P,device\n1,2,a\n2,\xff\n3,4,a\n"},
     "power-csv": {"p.csv": b"time,P,device\n1,2,\xff\n"},
     "power-jsonl": {"p.jsonl": b'{"time": 1, "P": 2, "device": null}\n{"time": 2, "P": 2, "device": "a"}\n'},
