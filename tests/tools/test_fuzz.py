@@ -18,6 +18,7 @@ from tools.studies.fuzz.campaign import Limits, input_of, run_parser
 from tools.studies.fuzz.judge import outcome
 from tools.studies.fuzz.memory import ALLOWANCE, FACTOR, Peak
 from tools.studies.fuzz.mutate import mutated
+from tools.studies.fuzz.seeds.descriptions import profiles
 from tools.studies.fuzz.targets import TARGETS, Target
 
 LIBRARIES = ("mat", "hdf5", "parquet", "arrow", "tdms", "wfm")
@@ -74,6 +75,14 @@ FOUND = {
         "a_CH1.isf": b":WFMPRE:BYT_NR 1;ENCDG ASC;XINCR 1E-4;YMULT 1;YOFF 0;YZERO 0;NR_PT "
         + b"9" * 5000
         + b";:CURVE 1,2,3"
+    },
+    "isf, skew": {
+        f"a_CH{k}.isf": b':WFMPRE:BYT_NR 1;ENCDG ASC;XINCR 1E-4;YMULT 1;YOFF 0;YZERO 0;WFID "Ch%d";YUNIT "%b";XZERO %b;'
+        b":CURVE 1,2,3" % (k, unit, zero)
+        for k, unit, zero in ((1, b"V", b"1e308"), (2, b"A", b"0"))
+    },
+    "meter-profile, type": {
+        "meter.toml": profiles()[0]["meter.toml"].replace(b"most_registers = 50", b'most_registers = ""')
     },
     "power-csv, no UTF-8": {"p.csv": b"time,P,device\n1,2,a\n2,\xff\n3,4,a\n"},
     "power-csv": {"p.csv": b"time,P,device\n1,2,\xff\n"},
