@@ -5,13 +5,25 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, ClassVar
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 ARRAY = Field(strict=False)
 """Of a field that is a tuple here: TOML has arrays. The array's items stay strict."""
 KEY = Field(strict=False)
 """Of a key that is a number here: TOML's keys are text."""
-FileName = Annotated[Path, Field(strict=False)]
+
+
+def _usable(path: Path) -> Path:
+    """The path with the home folder in the place of `~`. Raises ValueError for what no file can be called."""
+    if "\0" in str(path):
+        raise ValueError("holds a NUL character, and no path does")
+    try:
+        return path.expanduser()
+    except RuntimeError:
+        raise ValueError("names the home of an unknown user; write the whole path") from None
+
+
+FileName = Annotated[Path, Field(strict=False), AfterValidator(_usable)]
 """A path, which TOML writes as text."""
 
 

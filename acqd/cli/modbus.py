@@ -14,6 +14,7 @@ from rich.table import Table
 
 from acqd.cli.options import Json
 from acqd.errors import UserError
+from acqd.numerals import whole_number
 from acqd.sources.spec import device_module
 
 app = typer.Typer(help="Modbus: RMS meters and waveform bridges.", no_args_is_help=True)
@@ -78,9 +79,10 @@ def _units(text: str) -> list[int]:
     numbers: list[int] = []
     for item in text.split(","):
         first, _, last = item.partition("-")
-        if not first.strip().isdigit() or (last and not last.strip().isdigit()):
+        begin, end = whole_number(first.strip(), 3), whole_number((last or first).strip(), 3)
+        if begin is None or end is None:
             raise UserError(f"--units {text!r}: expected unit ids like 1, 1-10 or 1,5,7")
-        numbers += range(int(first), int(last or first) + 1)
+        numbers += range(begin, end + 1)
     if not numbers or max(numbers) > 255:
         raise UserError(f"--units {text!r}: expected unit ids from 0 to 255")
     return numbers

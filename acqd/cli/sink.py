@@ -61,8 +61,9 @@ def sink(
             raise UserError(f"put the options after the subcommand: acqd sink {context.invoked_subcommand} ...")
         return
     # Here and below: SQLAlchemy is slow to import, and `acqd run` imports this module too.
+    from acqd.storage.away import DatabaseAwayError
     from acqd.storage.clock_witness import ClockWitness
-    from acqd.storage.database import DatabaseAwayError, engine_for, prepare
+    from acqd.storage.database import engine_for, prepare
     from acqd.storage.sink import Sink
     from acqd.storage.upkeep import Upkeep
 

@@ -11,11 +11,13 @@ from pathlib import Path
 
 from acqd.atomic import write_complete
 from acqd.errors import OperationError
+from acqd.regular_file import read_regular
 from acqd.telemetry.ask import Claimant
 from acqd.timestamps import rfc3339
 
 _log = logging.getLogger(__name__)
 _ID = re.compile(r"[0-9a-f]{12}")
+_MOST_BYTES = 4096
 
 
 def instance_id(state_dir: Path | None) -> str:
@@ -24,7 +26,7 @@ def instance_id(state_dir: Path | None) -> str:
         return uuid.uuid4().hex[:12]
     path = state_dir / "instance"
     try:
-        if _ID.fullmatch(known := path.read_text(encoding="utf-8").strip()):
+        if _ID.fullmatch(known := read_regular(path, _MOST_BYTES).decode().strip()):
             return known
     except (OSError, UnicodeDecodeError):
         pass  # the first start, or a file that nobody can read: another id is only less well known

@@ -13,12 +13,17 @@ from pathlib import Path
 from typing import Any
 
 from acqd.metering.registers import Registers
+from acqd.regular_file import read_regular
 from acqd.retry import Backoff
 from acqd.uptime import start_id
 
 _log = logging.getLogger(__name__)
 _BLOCK = 4096
 """Bytes of a block of the disk."""
+_MOST_BYTES = 1 << 20
+"""A register file has a few kilobytes."""
+_UNUSABLE = (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError)
+"""What a file makes json and the conversions of its numbers raise, whoever has written it."""
 _JUST_S = 5.0
 """Age of the readings of a run that was killed and is started again, written once a second [s]."""
 _PATIENCE_S = 5.0
@@ -62,9 +67,9 @@ class RegisterFile:
     def last_run(self) -> Run | None:
         """Who has written the file; None: nobody, or an earlier acqd. Does not wait for a disk."""
         try:
-            run = json.loads(self._path.read_bytes())["run"]
+            run = json.loads(read_regular(self._path, _MOST_BYTES))["run"]
             return Run(str(run["boot"]), int(run["seq"]), bool(run["closed"]), str(run["start"]))
-        except (OSError, ValueError, KeyError, TypeError):
+        except (OSError, *_UNUSABLE):
             return None
 
     def unfinished(self) -> Run | None:
@@ -89,7 +94,7 @@ class RegisterFile:
             others = data.get("registers")
         except FileNotFoundError:
             return None
-        except (OSError, ValueError, KeyError, TypeError) as error:
+        except (OSError, *_UNUSABLE) as error:
             self._refuse(f"unreadable ({error})")
             return None
         if len(pairs) != phases:
@@ -106,7 +111,7 @@ class RegisterFile:
         backoff, ends = Backoff(), time.monotonic() + _PATIENCE_S
         while True:
             try:
-                return self._path.read_bytes()
+                return read_regular(self._path, _MOST_BYTES)
             except FileNotFoundError:
                 raise
             except OSError:

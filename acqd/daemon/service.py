@@ -204,6 +204,7 @@ class Service:
                 unreceipted_s=counters.unreceipted_s,
                 receipt_lag_s=counters.receipt_lag_s,
                 rights_trouble=counters.rights_trouble,
+                clock_trouble=counters.clock_trouble,
                 old_after_s=self.config.spool.max_age_days * 86_400.0,
             ),
             Link(counters.connected, counters.reconnects, counters.broker_trouble),

@@ -220,6 +220,7 @@ class Uplink:
             connected=connector.state == "connected",
             broker_trouble=self.name.trouble or connector.trouble,
             rights_trouble=self.rights_trouble,
+            clock_trouble=delivery.clock_trouble,
             reconnects=max(connector.reconnects, 0),
             sink_seen=delivery.sink_seen,
         )

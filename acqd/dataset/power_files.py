@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import io
 import os
 import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import BinaryIO
+from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
 import orjson
@@ -25,8 +26,14 @@ _ZONE = re.compile(r"(?:Z|[+-]\d\d:?(?:\d\d)?)$", re.IGNORECASE)
 """At the end of a time of RFC 3339 with a zone."""
 _SHOWN = 20
 """Characters of a cell in a message."""
+_MISFIT = re.compile(r"Row #(?P<number>\d+): Expected (?P<expected>\d+) columns, got (?P<actual>\d+)")
+"""In pyarrow's errors. Its handler of such rows cannot read those that are no UTF-8, and prints a traceback."""
+_READ = pyarrow.csv.ReadOptions(use_threads=False)
+"""With threads, rows have no numbers."""
 _LONGEST_LINE = 1 << 16
 """Bytes of the end of a file that hold its last line."""
+if TYPE_CHECKING:
+    from _typeshed import WriteableBuffer
 Reader = Callable[[Path, list[str]], Iterator[pa.RecordBatch]]
 """Batches of a file; what a user should know is added to the list."""
 
@@ -73,45 +80,67 @@ def csv_batches(path: Path, notes: list[str]) -> Iterator[pa.RecordBatch]:
 
     A last line that is cut off, as that of a recorder which was stopped hard, is no row; a note says so.
     """
-    left_out: list[pyarrow.csv.InvalidRow] = []
-    misfits: list[pyarrow.csv.InvalidRow] = []
     with path.open("rb") as raw:
         file = text_of(path, raw)
         head = file.readline()
-        cut = _last_line(file)
-
-        def judge(row: pyarrow.csv.InvalidRow) -> str:
-            if row.actual_columns < row.expected_columns and row.text == cut and not left_out:
-                left_out.append(row)
-                return "skip"
-            misfits.append((left_out or [row])[0])  # a line like the last one may be broken within the file, too
-            return "error"
-
         mark = next((mark for mark in (b",", b";", b"\t") if mark in head), b",").decode()
-        parse = pyarrow.csv.ParseOptions(delimiter=mark, invalid_row_handler=judge)
+        parse = pyarrow.csv.ParseOptions(delimiter=mark)
         convert = pyarrow.csv.ConvertOptions(decimal_point="," if mark == ";" else ".")
-        read = pyarrow.csv.ReadOptions(use_threads=False)  # else rows have no numbers
+        end = _end_of_whole_lines(file, head, parse)
+        whole = _Beginning(file, end)
         try:
-            yield from pyarrow.csv.open_csv(file, read_options=read, parse_options=parse, convert_options=convert)
+            yield from pyarrow.csv.open_csv(whole, read_options=_READ, parse_options=parse, convert_options=convert)
         except pa.ArrowInvalid as error:
-            raise InputError(path, _misfit(misfits[0]) if misfits else str(error).splitlines()[0]) from None
-    if left_out:
-        notes.append(f"power {path}: its last line is cut off and left out: was the recorder stopped hard?")
+            raise InputError(path, _misfit(str(error))) from None
+        if end < file.seek(0, os.SEEK_END):
+            notes.append(f"power {path}: its last line is cut off and left out: was the recorder stopped hard?")
 
 
-def _last_line(file: BinaryIO) -> str | None:
-    """The last line of a file whose last line has no end; None of any other file. The file is at its beginning then."""
+class _Beginning(io.RawIOBase):
+    """The first bytes of a file."""
+
+    def __init__(self, file: BinaryIO, size: int) -> None:
+        file.seek(0)
+        self._file, self._left = file, size
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: WriteableBuffer) -> int:
+        place = memoryview(buffer)
+        read = self._file.read(min(len(place), self._left))
+        place[: len(read)] = read
+        self._left -= len(read)
+        return len(read)
+
+
+def _end_of_whole_lines(file: BinaryIO, head: bytes, parse: pyarrow.csv.ParseOptions) -> int:
+    """Bytes before a last line that has no end and fewer columns than the header; of any other file, all."""
     size = file.seek(0, os.SEEK_END)
     file.seek(max(0, size - _LONGEST_LINE))
     text = file.read()
-    file.seek(0)
-    return None if text.endswith((b"\n", b"\r")) else text.splitlines()[-1].decode(errors="replace") if text else None
+    last = text[max(text.rfind(b"\n"), text.rfind(b"\r")) + 1 :]
+    if not last or len(last) == len(text):  # ended; one line only, or longer than any row
+        return size
+    try:
+        pyarrow.csv.read_csv(io.BytesIO(head + last), read_options=_READ, parse_options=parse)
+    except pa.ArrowInvalid as error:
+        misfit = _MISFIT.search(str(error))
+        if misfit is not None and int(misfit["actual"]) < int(misfit["expected"]):
+            return size - len(last)
+    return size
 
 
-def _misfit(row: pyarrow.csv.InvalidRow) -> str:
+def _misfit(message: str) -> str:
+    """What to say of an error of pyarrow."""
+    row = _MISFIT.search(message)
     return (
-        f"row {row.number} has {row.actual_columns} columns, the header {row.expected_columns}: is it cut off, or are "
-        "commas decimal marks and separators at once? Remove it, or separate columns by ;"
+        message.splitlines()[0]
+        if row is None
+        else (
+            f"row {row['number']} has {row['actual']} columns, the header {row['expected']}: is it cut off, or are "
+            "commas decimal marks and separators at once? Remove it, or separate columns by ;"
+        )
     )
 
 

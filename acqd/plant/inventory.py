@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
+from acqd.numerals import whole_number
 from acqd.plant.heard import Heard, Status
 
 
@@ -93,4 +94,5 @@ def _marked(found: list[Installed]) -> list[Installed]:
 
 
 def _numbers(version: str) -> tuple[int, ...]:
-    return tuple(int(part) if part.isdigit() else -1 for part in version.replace("-", ".").split("."))
+    parts = (whole_number(part) for part in version.replace("-", ".").split("."))
+    return tuple(-1 if part is None else part for part in parts)

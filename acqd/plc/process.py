@@ -49,8 +49,12 @@ def run(orders: dict[str, Any]) -> int:
         return 2
     form = source.form
     layout = RingLayout(form.rate, len(form.scale), int(RING_S * form.rate), form.bits)
-    os.ftruncate(orders["ring_fd"], layout.bytes)
-    ring = Ring(layout, orders["ring_fd"])
+    try:
+        os.ftruncate(orders["ring_fd"], layout.bytes)
+        ring = Ring(layout, orders["ring_fd"])
+    except OSError as error:
+        _answer({"error": f"MAIN_FAST: no memory for {layout.bytes >> 20} MB of samples ({error.strerror})"})
+        return 2
     wake_fd = orders["wake_fd"]
     task = FastTask(
         source,

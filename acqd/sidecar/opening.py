@@ -10,7 +10,8 @@ from collections.abc import Callable
 import sqlalchemy as sa
 
 from acqd.retry import Backoff
-from acqd.storage.database import DatabaseAwayError, open_database
+from acqd.storage.away import DatabaseAwayError
+from acqd.storage.database import open_database
 
 _log = logging.getLogger(__name__)
 

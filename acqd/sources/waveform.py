@@ -12,6 +12,7 @@ from acqd.arrays import Floats
 from acqd.errors import InputError, UserError
 from acqd.metering import StreamFormat
 from acqd.metering.block import CodeBits, Codes
+from acqd.numerals import whole_number
 
 LATEST_NS = 7_258_118_400_000_000_000
 """2200-01-01 in UTC ns: a later start time is a mistake."""
@@ -124,8 +125,9 @@ def position(path: Path, names: list[str], name: str, kind: str) -> int:
     places = [k for k, other in enumerate(names) if other == name]
     if len(places) == 1:
         return places[0]
-    if not places and name.isdigit() and int(name) < len(names):
-        return int(name)
+    number = whole_number(name)
+    if not places and number is not None and number < len(names):
+        return number
     if not places and len(bare := [k for k, other in enumerate(names) if other and _is_with_unit(name, other)]) == 1:
         return bare[0]
     listed = ", ".join(f"{k}={other}" for k, other in enumerate(names))

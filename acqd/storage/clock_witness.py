@@ -61,6 +61,8 @@ class ClockWitness:
         """Read the clocks, once for a batch."""
         self._now, elapsed = self._now_ns(), self._elapsed()
         estimate = self._latest.estimate_ns(elapsed) if self._latest is not None else self._now
+        if estimate - self._now > _BACK_NS and self._synchronised():
+            estimate = self._now  # the record is of a time when nobody disciplined the clock, and it was ahead
         self._estimate = max(self._now, estimate)
         self._latest = Mark(0, self._estimate, elapsed)
         behind = self._estimate - self._now

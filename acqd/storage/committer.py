@@ -16,7 +16,8 @@ from typing import TypeVar
 import sqlalchemy as sa
 
 from acqd.retry import Backoff
-from acqd.storage.database import DatabaseAwayError, first_line, prepare
+from acqd.storage.away import DatabaseAwayError
+from acqd.storage.database import first_line, prepare
 from acqd.storage.received import Message
 from acqd.storage.url import shown
 from acqd.storage.writer import Writer, Written

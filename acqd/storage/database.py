@@ -16,6 +16,7 @@ import sqlalchemy as sa
 
 from acqd.atomic import private
 from acqd.errors import UserError, without_number
+from acqd.storage.away import DatabaseAwayError
 from acqd.storage.conversion import convert
 from acqd.storage.outage import is_outage
 from acqd.storage.url import parse_url, shown
@@ -43,15 +44,6 @@ _RIGHTS = "give its role the right, or name another role in the URL (the sink's 
 _CONVERTED_AT_ONCE = 50_000
 """Rows of an earlier acqd that are moved into the layout of this one while somebody waits; the sink moves the rest."""
 MIGRATIONS = Path(__file__).parent / "migrations"
-
-
-class DatabaseAwayError(UserError):
-    """The database cannot be used now; trying again may help."""
-
-    def __init__(self, message: str, reason: str) -> None:
-        """`reason`: what the database or its driver says, in one line."""
-        super().__init__(message)
-        self.reason = reason
 
 
 def open_database(url: str, *, create: bool = True) -> sa.Engine:

@@ -14,8 +14,9 @@ from contextlib import contextmanager
 import sqlalchemy as sa
 
 from acqd.storage import state
+from acqd.storage.away import DatabaseAwayError
 from acqd.storage.clock_witness import ClockWitness
-from acqd.storage.database import DatabaseAwayError, file_of, transaction
+from acqd.storage.database import file_of, transaction
 from acqd.storage.url import shown
 
 _log = logging.getLogger(__name__)

@@ -10,6 +10,7 @@ from typing import Any, TypeAlias
 import sqlalchemy as sa
 from sqlalchemy.dialects import postgresql, sqlite
 
+from acqd.storage.away import left_out
 from acqd.storage.schema import power_quality, power_register
 from acqd.storage.sink_flags import same_row
 from acqd.telemetry.quality_row import QualityRow
@@ -25,7 +26,7 @@ _AT_ONCE = 500
 def insert(connection: sa.Connection, table: sa.Table, rows: Sequence[KeyedRow]) -> list[int]:
     """Insert what is new; positions in `rows` of those whose key is stored with other values.
 
-    Raises the errors of SQLAlchemy.
+    Raises the errors of SQLAlchemy; DatabaseAwayError where the database drops rows without an error.
     """
     if not rows:
         return []
@@ -34,6 +35,8 @@ def insert(connection: sa.Connection, table: sa.Table, rows: Sequence[KeyedRow])
     if _inserted(connection, table, values, postgres) == len(rows):
         return []
     stored = {_key(one): one for one in _stored(connection, table, values)}
+    if missing := sum(_key(one) not in stored for one in values):
+        raise left_out(connection, missing)
     return [k for k, one in enumerate(values) if not same_row(one, stored[_key(one)])]
 
 

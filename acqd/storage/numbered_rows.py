@@ -12,9 +12,11 @@ from typing import Any, TypeAlias
 
 import orjson
 import sqlalchemy as sa
+from msgspec.structs import astuple
 
+from acqd.storage.away import left_out
 from acqd.storage.migrations.versions.m0010_numbered_rows import SELECT
-from acqd.telemetry.row import CHANNELS, PowerRow
+from acqd.telemetry.row import CHANNELS, SCHEMA, PowerRow
 from acqd.timestamps import filetime, rfc3339, utc_ns
 
 _CODES: dict[str, int] = {name: code for code, name in enumerate(CHANNELS)}
@@ -31,24 +33,29 @@ _Values: TypeAlias = list[Any]
 
 
 def insert(connection: sa.Connection, rows: Sequence[PowerRow]) -> list[int]:
-    """Insert what is new; positions in `rows` of those whose key is stored with other values. SQLite only."""
+    """Insert what is new; positions in `rows` of those whose key is stored with other values. SQLite only.
+
+    Raises the errors of SQLAlchemy; DatabaseAwayError where the database drops rows without an error.
+    """
     values, odd = _Numbers(connection).of(rows)
-    ids = values[::_COLUMNS]
     if odd:
         first: dict[int, str | None] = {}
-        for k, number in enumerate(ids):
+        for k, number in enumerate(values[::_COLUMNS]):
             first.setdefault(number, odd.get(k))
         known = {number for number, *_ in _stored(connection, first)}
         stamps = [(number, time) for number, time in first.items() if time is not None and number not in known]
         if stamps:
             connection.exec_driver_sql("INSERT INTO power_stamp VALUES (?, ?)", stamps)
     try:
-        _insert_new(connection, values)
+        if (taken := _insert_new(connection, values)) < len(rows):
+            raise left_out(connection, len(rows) - taken)
         return []
     except sa.exc.IntegrityError:  # a key is there already; rows before it are inserted, and equal to themselves
         each = _cut(values, _COLUMNS)
         connection.exec_driver_sql(f"INSERT INTO power_row VALUES {_PLACES} ON CONFLICT DO NOTHING", each)
-    stored = {number: rest for number, *rest in _stored(connection, set(ids))}
+    stored = {number: rest for number, *rest in _stored(connection, {one[0] for one in each})}
+    if missing := sum(one[0] not in stored for one in each):
+        raise left_out(connection, missing)
     return [k for k, one in enumerate(each) if stored[one[0]] != [*one[1:], odd.get(k)]]
 
 
@@ -120,16 +127,18 @@ def last_of_run(connection: sa.Connection, run: int, channel: str) -> tuple[int,
     return None if row is None else (int(row[0]) >> 2 & 0xFFFFFFFF, float(row[1]))
 
 
-def _insert_new(connection: sa.Connection, values: _Values) -> None:
-    """Many rows a statement: in each, SQLite looks for the end of table and index once, and Python locks once.
+def _insert_new(connection: sa.Connection, values: _Values) -> int:
+    """Insert; how many rows.
 
+    Many a statement: in each, SQLite looks for the end of table and index once, and Python locks once.
     FAIL keeps the rows before the one that is there already; ABORT would first copy every page that it changes.
     """
-    whole = len(values) - len(values) % (_COLUMNS * _TOGETHER)
+    whole, taken = len(values) - len(values) % (_COLUMNS * _TOGETHER), 0
     for some, together in ((values[:whole], _TOGETHER), (values[whole:], 1)):
         if some:
             statement = f"INSERT OR FAIL INTO power_row VALUES {', '.join([_PLACES] * together)}"
-            connection.exec_driver_sql(statement, _cut(some, _COLUMNS * together))
+            taken += connection.exec_driver_sql(statement, _cut(some, _COLUMNS * together)).rowcount
+    return taken
 
 
 def _cut(values: _Values, length: int) -> list[tuple[Any, ...]]:
@@ -143,41 +152,53 @@ class _Numbers:
         self._connection = connection
         self._runs: dict[tuple[str, str, str, int], int] = {}
         self._marks: dict[tuple[Any, ...], int] = {}
+        self._plain = [[0, 0], [0, 0]]
+        """Marks without flags, by whether S and PF follow."""
+        self._second = -1, ""
 
     def of(self, rows: Sequence[PowerRow]) -> tuple[_Values, dict[int, str]]:
         """What is stored of the rows; by position, the times that do not follow from `filetime`."""
         values: _Values = []
         odd: dict[int, str] = {}
-        codes, marks, run, ticks, text = _CODES, self._marks, 0, -1, ""
+        codes, marks, plain, run, last, text = _CODES, self._marks, self._plain, 0, -1, ""
         device = boot = ""
         block = -1
-        for k, row in enumerate(rows):
-            if row.filetime != ticks:  # the channels of a window follow one another
-                ticks = row.filetime
-                text = rfc3339(utc_ns(ticks)) if _FIRST <= ticks < _LAST else ""
-            if row.time != text:
-                odd[k] = row.time
-            channel, seq, flags, Vrms, Irms, P, S, PF = (
-                row.channel, row.seq, row.flags, row.Vrms, row.Irms, row.P, row.S, row.PF,
-            )  # fmt: skip
+        for k, (of, channel, start, seq, time, ticks, Vrms, Irms, P, S, PF, f, W, flags, schema) in enumerate(
+            map(astuple, rows)  # in half of the time of attributes
+        ):
+            if ticks != last:  # the channels of a window follow one another
+                last, text = ticks, self._text(ticks)
+            if time != text:
+                odd[k] = time
             if channel not in codes:
-                first, device = self._run(row.device, row.boot, channel, seq >> 32) << 34, ""
-            elif row.boot != boot or seq >> 32 != block or row.device != device:
-                device, boot, block = row.device, row.boot, seq >> 32
+                first, device = self._run(of, start, channel, seq >> 32) << 34, ""
+            elif start != boot or seq >> 32 != block or of != device:
+                device, boot, block = of, start, seq >> 32
                 run = self._run(device, boot, "", block) << 34
                 first = run | codes[channel]
             else:
                 first = run | codes[channel]
             S_follows = Vrms is not None and Irms is not None and Vrms * Irms == S
             PF_follows = PF is not None and P is not None and S is not None and S != 0 and P / S == PF
-            mark: tuple[Any, ...] = row.schema, S_follows, PF_follows
-            if flags:
-                mark += (*flags,)
+            if flags or schema != SCHEMA:
+                mark = marks.get((schema, S_follows, PF_follows, *flags)) or self._mark(
+                    schema, S_follows, PF_follows, *flags
+                )
+            else:
+                mark = plain[S_follows][PF_follows] or self._mark(SCHEMA, S_follows, PF_follows)
             values += (
-                first | (seq & 0xFFFFFFFF) << 2, marks.get(mark) or self._mark(*mark),
-                ticks, Vrms, Irms, P, None if S_follows else S, None if PF_follows else PF, row.f, row.W,
+                first | (seq & 0xFFFFFFFF) << 2, mark, ticks, Vrms, Irms, P,
+                None if S_follows else S, None if PF_follows else PF, f, W,
             )  # fmt: skip
         return values, odd
+
+    def _text(self, ticks: int) -> str:
+        """The time that follows from `filetime`; empty where SQLite and Python do not make the same text."""
+        second, rest = divmod(ticks, 10_000_000)
+        if second != self._second[0]:
+            within = _FIRST <= ticks < _LAST
+            self._second = second, rfc3339(utc_ns(second * 10_000_000))[:20] if within else ""
+        return f"{self._second[1]}{rest // 10:06d}Z"
 
     def _run(self, device: str, boot: str, channel: str, block: int) -> int:
         """The id of the run whose first window is `block` << 32; `channel`: of one that has no code, else empty."""
@@ -193,6 +214,8 @@ class _Numbers:
         statement = 'INSERT INTO power_mark (flags, "S", "PF", "schema") VALUES (?, ?, ?, ?)'
         number = self._id(query, statement, (orjson.dumps(flags).decode(), S_follows, PF_follows, schema))
         self._marks[schema, S_follows, PF_follows, *flags] = number
+        if not flags and schema == SCHEMA:
+            self._plain[S_follows][PF_follows] = number
         return number
 
     def _id(self, query: str, statement: str, values: tuple[Any, ...]) -> int:

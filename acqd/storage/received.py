@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple, Protocol, TypeAlias
+from operator import attrgetter
+from typing import NamedTuple, Protocol, TypeAlias, TypeGuard
 
 from acqd.storage import events
 from acqd.telemetry import topics
@@ -15,6 +17,10 @@ from acqd.telemetry.row import PowerRow, parse_each, parse_row
 from acqd.telemetry.row_message import payloads_of
 from acqd.telemetry.spool import Stream
 
+_topic, _payload, _oversized = map(attrgetter, ("topic", "payload", "oversized"))
+_device, _channel = map(attrgetter, ("device", "channel"))
+_stream = attrgetter("__class__", "device", "channel", "boot")
+"""Read by `map`: in a fifth of the time that the body of a loop takes."""
 Row: TypeAlias = PowerRow | QualityRow | RegisterRow
 
 
@@ -58,34 +64,60 @@ class Sorted:
 def sort(messages: Sequence[Message]) -> Sorted:
     """Read the rows; events and questions are set apart as they came."""
     found = Sorted()
-    places = {topic: topics.place(topic) for topic in {message.topic for message in messages}}
-    power = [message for message in messages if places[message.topic].kind == "power" and not message.oversized]
-    for message in messages if len(power) < len(messages) else ():
-        place = places[message.topic]
-        if place.kind == "power" and not message.oversized:
-            continue
-        try:
-            if place.kind == "event":
-                found.events.append(message)
-            elif place.kind == "ask":
-                found.asks.append(message)
-            elif place.kind == "window" and not message.oversized:
-                _sort_window(message, place, found)
+    places = {topic: topics.place(topic) for topic in set(map(_topic, messages))}
+    power: list[Message] = []
+    if not any(map(_oversized, messages)) and all(place.kind == "power" for place in places.values()):
+        power += messages
+    else:
+        for message in messages:
+            place = places[message.topic]
+            if place.kind == "power" and not message.oversized:
+                power.append(message)
             else:
-                found.add(message, _row(message, place))
-        except ValueError as error:
-            found.refused.append((message, str(error)))
-    rows, origins = found.rows, found.origins
-    for message, row in zip(power, parse_each([message.payload for message in power]), strict=True):
+                _sort_other(message, place, found)
+    _sort_power(power, places, found)
+    return found
+
+
+def _sort_other(message: Message, place: topics.Place, found: Sorted) -> None:
+    """Anything but a row of power."""
+    try:
+        if place.kind == "event":
+            found.events.append(message)
+        elif place.kind == "ask":
+            found.asks.append(message)
+        elif place.kind == "window" and not message.oversized:
+            _sort_window(message, place, found)
+        else:
+            found.add(message, _row(message, place))
+    except ValueError as error:
+        found.refused.append((message, str(error)))
+
+
+def _sort_power(power: list[Message], places: dict[str, topics.Place], found: Sorted) -> None:
+    parsed = parse_each(list(map(_payload, power)))
+    if _all_in_place(parsed, power, places):
+        found.rows.extend(parsed)
+        found.origins.extend(power)
+        return
+    for message, row in zip(power, parsed, strict=True):
         place = places[message.topic]
         if isinstance(row, ValueError):
             found.refused.append((message, str(row)))
         elif row.device == place.device and row.channel == place.channel:
-            rows.append(row)
-            origins.append(message)
+            found.add(message, row)
         else:
             found.refused.append((message, _elsewhere(row)))
-    return found
+
+
+def _all_in_place(
+    parsed: Sequence[PowerRow | ValueError], power: Sequence[Message], places: dict[str, topics.Place]
+) -> TypeGuard[list[PowerRow]]:
+    """Whether all are rows, of the devices and channels of their topics: few differ in a batch."""
+    if set(map(type, parsed)) != {PowerRow}:
+        return False
+    names = set(zip(map(_topic, power), map(_device, parsed), map(_channel, parsed), strict=True))
+    return all((places[topic].device, places[topic].channel) == (device, channel) for topic, device, channel in names)
 
 
 def message_row(message: Message) -> Row | PowerEvent:
@@ -94,15 +126,11 @@ def message_row(message: Message) -> Row | PowerEvent:
     return events.parsed_event(message) if place.kind == "event" else _row(message, place)
 
 
-def by_stream(rows: Iterable[Row]) -> dict[Stream, Sequence[Row]]:
+def by_stream(rows: Sequence[Row]) -> dict[Stream, Sequence[Row]]:
     """The rows of each stream, in their order."""
-    found: dict[tuple[type[Row], str, str, str], list[Row]] = {}
-    for row in rows:
-        key = row.__class__, row.device, row.channel, row.boot
-        if key in found:
-            found[key].append(row)
-        else:
-            found[key] = [row]
+    found: defaultdict[tuple[type[Row], str, str, str], list[Row]] = defaultdict(list)
+    for key, row in zip(map(_stream, rows), rows, strict=True):
+        found[key].append(row)
     return {Stream(device, _stream_channel(kind, name), boot): of for (kind, device, name, boot), of in found.items()}
 
 

@@ -11,6 +11,7 @@ import orjson
 import sqlalchemy as sa
 
 from acqd.storage import conversion, numbered_rows
+from acqd.storage.away import left_out
 from acqd.storage.schema import power
 from acqd.storage.sink_flags import added, same_row
 from acqd.telemetry.row import PowerRow
@@ -27,7 +28,8 @@ _MOVE = (
 def insert(connection: sa.Connection, rows: list[PowerRow]) -> list[int]:
     """Insert what is new; positions in `rows` of those whose key is stored with other values.
 
-    Raises the errors of SQLAlchemy and, from COPY, of the driver.
+    Raises the errors of SQLAlchemy and, from COPY, of the driver; DatabaseAwayError where the database drops rows
+    without an error.
     """
     differing = (_postgres if connection.dialect.name == "postgresql" else _sqlite)(connection, rows)
     return [k for k in differing if not _same(connection, rows[k])]
@@ -59,8 +61,8 @@ def _postgres(connection: sa.Connection, rows: list[PowerRow]) -> list[int]:
     values = [_values(row) for row in rows]
     try:
         with connection.begin_nested():
-            _copy(connection, "power", _QUOTED, values)
-        return []
+            if _copy(connection, "power", _QUOTED, values) == len(rows):
+                return []  # else a trigger drops rows, or puts them elsewhere
     except connection.dialect.loaded_dbapi.errors.UniqueViolation:
         pass
     connection.exec_driver_sql(
@@ -73,15 +75,24 @@ def _postgres(connection: sa.Connection, rows: list[PowerRow]) -> list[int]:
 
 def _differing(connection: sa.Connection) -> list[int]:
     values = " OR ".join(f'p."{name}" IS DISTINCT FROM a."{name}"' for name in _COLUMNS if name not in _KEY)
-    query = f"SELECT a.number FROM arriving a JOIN power p ON {_ON_KEY} WHERE {values} ORDER BY a.number"
-    return [int(number) for number in connection.exec_driver_sql(query).scalars()]
+    query = (
+        f"SELECT a.number, p.device IS NULL FROM arriving a LEFT JOIN power p ON {_ON_KEY}"
+        f" WHERE p.device IS NULL OR {values} ORDER BY a.number"
+    )
+    found = connection.exec_driver_sql(query).all()
+    if missing := sum(absent for _, absent in found):
+        raise left_out(connection, missing)
+    return [int(number) for number, _ in found]
 
 
-def _copy(connection: sa.Connection, table: str, columns: str, values: Sequence[tuple[Any, ...]]) -> None:
+def _copy(connection: sa.Connection, table: str, columns: str, values: Sequence[tuple[Any, ...]]) -> int:
+    """How many rows the server says that it has taken."""
     cursor: Any = connection.connection.cursor()
-    with cursor, cursor.copy(f"COPY {table} ({columns}) FROM STDIN") as copy:
-        for row in values:
-            copy.write_row(row)
+    with cursor:
+        with cursor.copy(f"COPY {table} ({columns}) FROM STDIN") as copy:
+            for row in values:
+                copy.write_row(row)
+        return int(cursor.rowcount)
 
 
 def _values(row: PowerRow) -> tuple[Any, ...]:

@@ -12,6 +12,8 @@ from acqd.storage.schema import database_state
 from acqd.uptime import Moment
 
 _COMMITS = "commits/"
+_MOST = 2**62
+"""Of numbers and nanoseconds: what somebody else has written there is not counted on."""
 IDENTITY, MAINTAINED = "identity", "maintained"
 
 
@@ -67,9 +69,10 @@ def read_mark(connection: sa.Connection, key: str) -> Mark | None:
     text = read(connection, key)
     try:
         number, wall_ns, start, ns = orjson.loads(text or "null")
-        return Mark(int(number), int(wall_ns), Moment(bytes.fromhex(start), int(ns)))
-    except (TypeError, ValueError):
+        mark = Mark(int(number), int(wall_ns), Moment(bytes.fromhex(start), int(ns)))
+    except (TypeError, ValueError, OverflowError):
         return None
+    return mark if all(0 <= one < _MOST for one in (mark.number, mark.wall_ns, mark.moment.ns)) else None
 
 
 def write_mark(connection: sa.Connection, key: str, mark: Mark) -> None:

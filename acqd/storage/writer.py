@@ -176,8 +176,9 @@ class Writer:
         with self.guard.transaction() as connection:
             differing: list[Message] = []
             try:
-                for kind in {row.__class__ for row in good}:
-                    of = [row for row in good if row.__class__ is kind]
+                kinds = set(map(type, good))
+                for kind in kinds:
+                    of = good if len(kinds) == 1 else [row for row in good if row.__class__ is kind]
                     if where := _insert(connection, kind, of):
                         positions = [k for k, row in enumerate(good) if row.__class__ is kind]
                         differing += [origins[positions[k]] for k in where]

@@ -48,6 +48,8 @@ class TelemetryCounters:
     """Why connections end again and again, else empty."""
     rights_trouble: str
     """Which rows the broker acknowledges and does not take, else empty."""
+    clock_trouble: str
+    """How this computer's clock differs from that of the sinks, else empty."""
     reconnects: int
     sink_seen: bool
     """Whether a sink has announced itself or sent a receipt."""

@@ -14,8 +14,11 @@ from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from typing import Literal
 
+from msgspec import UNSET
+
 from acqd.telemetry import topics
 from acqd.telemetry.acknowledgements import Acknowledgements, Rows
+from acqd.telemetry.clock_match import ClockMatch
 from acqd.telemetry.dialogue import Dialogue
 from acqd.telemetry.in_flight import InFlight
 from acqd.telemetry.message import Line, Message, Room
@@ -63,6 +66,7 @@ class Delivery:
         self._states: dict[str, bytes] = {}
         self._position = spool.start
         self._flying, self._unsent = InFlight(), Unsent()
+        self._clocks = ClockMatch()
         self._watch, self._acknowledgements = ReceiptWatch(self._flying, now), Acknowledgements()
         self._devices = spool.devices | set(devices)
         self._more = False
@@ -261,6 +265,11 @@ class Delivery:
         """How long rows wait for their receipt while a sink says that it is there, at most, of the last 10 s [s]."""
         return 0.0 if self._until == "acknowledged" else self._watch.lag_s
 
+    @property
+    def clock_trouble(self) -> str:
+        """What is wrong with this computer's clock or a sink's, else empty."""
+        return self._clocks.trouble
+
     def __len__(self) -> int:
         """Messages that wait: rows that are not delivered, states that are not sent."""
         return len(self.spool) - len(self._acknowledgements) + len(self._states)
@@ -273,6 +282,8 @@ class Delivery:
             return
         if self._dialogue is not None:
             self._dialogue.answered(device, message)
+        if message.time is not UNSET:
+            self._clocks.heard(message.sink, message.time)
         self._watch.receipt_comes()
         removed = expected = 0
         sent = self._now()

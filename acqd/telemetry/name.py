@@ -34,6 +34,8 @@ class Name:
         self._held = False
         self._listen_until: float | None = None
         self._heard = self._ask_at = -1e9
+        self._earlier = False
+        """Whether the broker has kept a status of this installation: of its earlier run, or of a copy of its disk."""
         self.rival: Claimant | None = None
         """Another daemon of the name that was heard lately."""
 
@@ -72,6 +74,9 @@ class Name:
     def question(self) -> bytes | None:
         """What to ask now."""
         now = self._now()
+        if self._earlier and not self._held:
+            self._earlier = False
+            return encode(Ask("name", who=self.me))
         if self.rival is None or (self._held and not self.me.taken) or now - self._ask_at < _ASK_S:
             return None
         self._ask_at = now
@@ -86,6 +91,7 @@ class Name:
             return self._take()
         other = _claimant(payload)
         if other is None or self._is_me(other, retained=retained):
+            self._earlier |= other is not None and other.boot != self.me.boot
             return False
         self._note(other, retained=retained)
         if self._held:

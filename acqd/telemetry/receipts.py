@@ -7,6 +7,7 @@ then sent again at once.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Annotated
 
@@ -16,6 +17,7 @@ from msgspec import UNSET, Meta, UnsetType
 from acqd.telemetry.ranges import Ranges
 from acqd.telemetry.spool import Stream
 from acqd.telemetry.topics import receipt
+from acqd.timestamps import rfc3339
 
 _RANGES_PER_MESSAGE = 2_000
 _LARGEST = 256 << 10
@@ -49,6 +51,8 @@ class Receipt(msgspec.Struct):
     schema: int = 1
     last: list[LastRow] | UnsetType = UNSET
     """The answer to a question for the last rows; empty: none is stored."""
+    time: str | UnsetType = UNSET
+    """When it was sent, by the sink's clock (RFC 3339)."""
 
 
 _decoder = msgspec.json.Decoder(Receipt)
@@ -64,7 +68,7 @@ def receipts(sink: str, stored: Mapping[Stream, Ranges]) -> Iterator[tuple[str, 
             by_device.setdefault(stream.device, []).append(entry)
     for device, entries in by_device.items():
         for group in _groups(entries):
-            yield receipt(device), msgspec.json.encode(Receipt(sink, group))
+            yield receipt(device), msgspec.json.encode(Receipt(sink, group, time=rfc3339(time.time_ns(), 3)))
 
 
 def answer(sink: str, device: str, last: list[LastRow]) -> tuple[str, bytes]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from datetime import datetime
+from operator import attrgetter
 from typing import Annotated, Literal, Protocol, TypeVar
 
 import msgspec
@@ -60,6 +61,7 @@ class PowerRow(msgspec.Struct, gc=False):
 
 
 _NUL = re.compile(rb"\\u0000")  # faster than `in`
+_time = attrgetter("time")
 _decoder = msgspec.json.Decoder(PowerRow)
 _encoder = msgspec.json.Encoder()
 
@@ -88,13 +90,16 @@ def parse_each(payloads: Sequence[bytes]) -> list[PowerRow | ValueError]:
     """
     parse = _decoder.decode if _NUL.search(b" ".join(payloads)) is None else parse_row
     found: list[PowerRow | ValueError] = []
+    failed = False
     todo = iter(payloads)
     while len(found) < len(payloads):
         try:
             found.extend(map(parse, todo))  # keeps the rows before one that raises
         except (msgspec.DecodeError, ValueError, RecursionError) as error:
             found.append(ValueError(str(error)[:_REASON]))  # it quotes the payload
-    times = {row.time for row in found if isinstance(row, PowerRow)}  # the channels of a window have the same
+            failed = True
+    rows = [row for row in found if isinstance(row, PowerRow)] if failed else found
+    times = set(map(_time, rows))  # the channels of a window have the same
     wrong = {time: reason for time in times if (reason := _wrong_zone(time)) is not None}
     return [wrong.get(row.time, row) if isinstance(row, PowerRow) else row for row in found] if wrong else found
 

@@ -36,7 +36,7 @@ EVENTS = "event"
 _QUALITY = "/quality"
 _REGISTERS = "/registers"
 _PLAIN = re.compile(r"[/+#\0]")
-_DEVICE = re.compile(r"[A-Za-z0-9_.-]{1,64}")
+_DEVICE = re.compile(r"(?!\.\.?$)[A-Za-z0-9_.-]{1,64}")
 Kind: TypeAlias = Literal["power", "window", "quality", "registers", "event", "ask", "other"]
 
 

@@ -85,6 +85,9 @@ MISTAKES = {
     "[metering]\nmode = 'sync'\n": "metering.mode",
     "[mqtt]\nport = 99999\n": "mqtt.port",
     "device = 'a b'\n": "device",
+    "device = '..'\n": "device",
+    "state_dir = 'a\\u0000b'\n".replace("'", '"'): "state_dir: holds a NUL character",
+    "state_dir = '~nobody-of-this-name/a'\n": "state_dir: names the home of an unknown user",
     "[source\n": "not valid TOML",
     "[source]\nkind = 'replay'\n": "source.file is missing",
     "[source]\nkind = 'profinet'\n": "source.kind: 'profinet' is unknown, expected one of simulated, replay",
@@ -99,6 +102,13 @@ MISTAKES = {
     "[source]\nkind = 'meters'\nhost = 'h'\nmeters = []\n": "source.meters",
     "[source]\nkind = 'meters'\nhost = 'h'\n[[source.meters]]\nname = 'm'\n": "source.meters.0.profile is missing",
 }
+
+
+def test_a_path_may_begin_with_the_home_of_the_user(tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    file = tmp_path / "acqd.toml"
+    file.write_text('state_dir = "~/acqd"\n')
+    assert load_config(file).state_dir == tmp_path / "acqd"
 
 
 @pytest.mark.parametrize("text", MISTAKES)

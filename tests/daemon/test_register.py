@@ -5,10 +5,12 @@ from __future__ import annotations
 import errno
 import os
 import stat
-from pathlib import Path
 from unittest import mock
 
+import pytest
+
 from acqd.daemon import register as module
+from acqd.daemon.instance import instance_id
 from acqd.daemon.register import RegisterFile, Run, greater, registers_of
 
 
@@ -96,19 +98,47 @@ def test_a_file_system_that_confirms_no_names_takes_the_register(tmp_path, monke
 
 def test_a_register_that_the_disk_does_not_give_out_at_once_is_asked_for_again(tmp_path):
     RegisterFile(tmp_path, "cell1").save([(7.0, 0.0)])
-    real, failures = Path.read_bytes, [errno.EIO, errno.ESTALE]
+    real, failures = module.read_regular, [errno.EIO, errno.ESTALE]
 
-    def read(path):
+    def read(path, most):
         if failures:
             raise OSError(failures[0], os.strerror(failures.pop()))
-        return real(path)
+        return real(path, most)
 
-    with mock.patch.object(Path, "read_bytes", read):
+    with mock.patch.object(module, "read_regular", read):
         assert RegisterFile(tmp_path, "cell1").load(1) == [(7.0, 0.0)]
     failures += [errno.EIO] * 99
-    with mock.patch.object(Path, "read_bytes", read), mock.patch.object(module, "_PATIENCE_S", 0.0):
+    with mock.patch.object(module, "read_regular", read), mock.patch.object(module, "_PATIENCE_S", 0.0):
         assert RegisterFile(tmp_path, "cell1").load(1) is None
     assert (tmp_path / "energy-cell1.old").exists(), "kept for a person"
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"[" * 100_000,
+        b'{"phases": [{"import_kWh": 1' + b"0" * 400 + b', "export_kWh": 0}]}',
+        b'{"run": {"boot": "b", "seq": 1e400, "closed": false, "start": ""}, "phases": 5}',
+        b"\xff\xfe",
+        b"3",
+    ],
+    ids=["deep", "integer", "infinite", "bytes", "number"],
+)
+def test_a_file_of_whatever_content_is_kept_and_ends_nothing(tmp_path, content):
+    path = tmp_path / "energy-cell1.json"
+    path.write_bytes(content)
+    register = RegisterFile(tmp_path, "cell1")
+    assert register.unfinished() is None and register.load(1) is None and register.refused
+    register.save([(1.0, 0.0)], first=True)
+    assert path.with_suffix(".old").read_bytes() == content and register.load(1) == [(1.0, 0.0)]
+
+
+def test_a_pipe_in_the_place_of_the_file_is_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "energy-cell1.json")
+    with mock.patch.object(module, "_PATIENCE_S", 0.0):
+        assert RegisterFile(tmp_path, "cell1").load(1) is None
+    os.mkfifo(tmp_path / "instance")
+    assert instance_id(tmp_path) == instance_id(tmp_path)
 
 
 def test_the_last_run_is_asked_about_where_the_disk_may_lack_its_end(tmp_path):

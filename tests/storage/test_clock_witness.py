@@ -77,6 +77,24 @@ def test_a_clock_that_is_set_back_while_the_sink_runs_changes_nothing(database):
     assert writer.write([message(row(2, t=T0 + 100 + 3 * DAY))]).rows == 1, "time goes on without the clock"
 
 
+def test_a_clock_that_was_ahead_is_forgotten_once_somebody_disciplines_it(database):
+    engine, clock, disciplined = open_database(database), Clock(), [False]
+    witness = ClockWitness(
+        lambda: disciplined[0], lambda: round(clock.wall_s * 1e9), lambda: Moment(START, round(clock.up_s * 1e9))
+    )
+    writer = Writer(engine, witness=witness)
+    clock.wall_s += 400 * DAY
+    writer.write([message(row(0, t=T0))])
+    clock.wall_s = T0 + 10
+    writer.write([message(row(1, t=T0 + 10))])
+    assert "set back" in witness.trouble, "nobody disciplines the clock: it may be the one that is wrong"
+    disciplined[0] = True
+    assert writer.write([message(row(2, t=T0 + 11))]).rows == 1 and not witness.trouble
+    assert writer.write([message(row(3, t=T0 + 40 * DAY))]).impossible == 1
+    again = Writer(engine, witness=Clock(T0 + 20).witness())
+    assert again.write([message(row(4, t=T0 + 12))]).rows == 1 and not again.witness.trouble, "after a restart, too"
+
+
 def test_one_device_from_the_future_waits_in_quarantine_and_is_restored_exactly_once(database):
     engine, clock = open_database(database), Clock()
     writer = Writer(engine, 1_000.0, witness=clock.witness())

@@ -12,7 +12,8 @@ import sqlalchemy as sa
 from sqlalchemy.engine import make_url
 
 from acqd.errors import UserError
-from acqd.storage.database import DatabaseAwayError, engine_for, open_database, prepare, unanswered
+from acqd.storage.away import DatabaseAwayError
+from acqd.storage.database import engine_for, open_database, prepare, unanswered
 from acqd.telemetry.broker import free_port
 from tests.commands import ACQD, acqd_here
 from tests.forwarded import forwarded

@@ -12,10 +12,13 @@ import pytest
 import sqlalchemy as sa
 
 from acqd.errors import UserError
-from acqd.storage.database import DatabaseAwayError, engine_for, open_database, prepare, transaction
+from acqd.storage.away import DatabaseAwayError
+from acqd.storage.database import engine_for, open_database, prepare, transaction
 from acqd.storage.schema import database_state
 from acqd.storage.writer import Writer
+from acqd.telemetry.register_row import register_row
 from tests.storage.rows import count, message, row
+from tests.storage.test_register_rows import received, summary
 
 
 def test_a_file_that_was_moved_away_takes_no_row_and_is_used_again_when_it_is_back(tmp_path):
@@ -129,3 +132,45 @@ def test_a_share_that_does_not_say_whether_the_file_is_there_is_waited_for(tmp_p
     away.clear()
     writer.write([message(row(1))])
     assert count(open_database(str(tmp_path / "a.sqlite"))) == 2
+
+
+DROPS = {
+    "sqlite": (["CREATE TRIGGER d BEFORE INSERT ON {} BEGIN SELECT RAISE(IGNORE); END"], "DROP TRIGGER d"),
+    "postgresql": (
+        [
+            "CREATE FUNCTION d() RETURNS trigger LANGUAGE plpgsql AS 'BEGIN RETURN NULL; END'",
+            "CREATE TRIGGER d BEFORE INSERT ON {} FOR EACH ROW EXECUTE FUNCTION d()",
+        ],
+        "DROP FUNCTION d CASCADE",
+    ),
+}
+
+
+@pytest.mark.parametrize("table", ["rows", "registers"])
+def test_rows_that_the_database_drops_without_an_error_have_no_receipt(database, table):
+    engine = open_database(database)
+    writer = Writer(engine)
+    begin, end = DROPS[engine.dialect.name]
+    name = "power_register" if table == "registers" else "power_row" if engine.dialect.name == "sqlite" else "power"
+    sent = [message(row(k)) for k in range(3)]
+    if table == "registers":
+        sent = [received(register_row(summary(60 * k))) for k in range(3)]
+    writer.write(sent[:1])
+    with engine.begin() as connection:
+        for statement in begin:
+            connection.exec_driver_sql(statement.format(name))
+    for batch in (sent[1:], sent):  # a row that is there already takes another way
+        with pytest.raises(DatabaseAwayError, match="leaves out rows"):
+            writer.write(batch)
+    with engine.begin() as connection:
+        connection.exec_driver_sql(end)
+    assert writer.write(sent).rows == 3
+
+
+def test_a_mark_that_somebody_has_written_over_is_not_counted_on(tmp_path):
+    engine = open_database(str(tmp_path / "a.sqlite"))
+    Writer(engine).write([message(row(0))])
+    for text in ("[" + "9" * 30 + ',0,"00",0]', "[" * 5000, '[-1,-1,"",0]', "5"):
+        with engine.begin() as connection:
+            connection.execute(database_state.update().where(database_state.c.key != "identity").values(value=text))
+        assert Writer(engine).write([message(row(1))]).rows == 1

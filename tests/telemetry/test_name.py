@@ -58,6 +58,14 @@ def test_a_name_that_nobody_has_is_taken_within_half_a_second(broker):
     assert name.held and not name.trouble
 
 
+def test_a_copy_of_the_disk_stands_by_although_the_broker_has_kept_a_status_of_its_id(broker):
+    first = broker.join("a", "b1")
+    broker.run(1)
+    copy = broker.join("a", "b2", "2026-01-01T00:01:00Z")
+    broker.run(3)
+    assert first.held and not copy.held and "b1" in copy.trouble and "b2" in first.trouble
+
+
 def test_the_newcomer_stands_by_and_both_name_the_other(broker):
     first = broker.join("a")
     broker.run(30)

@@ -16,7 +16,9 @@ from acqd.errors import UserError
 from tools.studies.fuzz import campaign
 from tools.studies.fuzz.campaign import Limits, input_of, run_parser
 from tools.studies.fuzz.judge import outcome
+from tools.studies.fuzz.memory import ALLOWANCE, FACTOR, Peak
 from tools.studies.fuzz.mutate import mutated
+from tools.studies.fuzz.seeds.descriptions import profiles
 from tools.studies.fuzz.targets import TARGETS, Target
 
 LIBRARIES = ("mat", "hdf5", "parquet", "arrow", "tdms", "wfm")
@@ -69,6 +71,20 @@ FOUND = {
     "robot": {"robot.toml": b"a = " + b"[" * 5000},
     "urdf": {"robot.urdf": b"<robot name='\xe2\x80\xa8'><link name='" + b"[" * 9000 + b"'/><joint/></robot>"},
     "meter-profile": {"meter.toml": b"\xff"},
+    "isf, digits": {
+        "a_CH1.isf": b":WFMPRE:BYT_NR 1;ENCDG ASC;XINCR 1E-4;YMULT 1;YOFF 0;YZERO 0;NR_PT "
+        + b"9" * 5000
+        + b";:CURVE 1,2,3"
+    },
+    "isf, skew": {
+        f"a_CH{k}.isf": b':WFMPRE:BYT_NR 1;ENCDG ASC;XINCR 1E-4;YMULT 1;YOFF 0;YZERO 0;WFID "Ch%d";YUNIT "%b";XZERO %b;'
+        b":CURVE 1,2,3" % (k, unit, zero)
+        for k, unit, zero in ((1, b"V", b"1e308"), (2, b"A", b"0"))
+    },
+    "meter-profile, type": {
+        "meter.toml": profiles()[0]["meter.toml"].replace(b"most_registers = 50", b'most_registers = ""')
+    },
+    "power-csv, no UTF-8": {"p.csv": b"time,P,device\n1,2,a\n2,\xff\n3,4,a\n"},
     "power-csv": {"p.csv": b"time,P,device\n1,2,\xff\n"},
     "power-jsonl": {"p.jsonl": b'{"time": 1, "P": 2, "device": null}\n{"time": 2, "P": 2, "device": "a"}\n'},
     "row": {"row.json": b"[" * 100_000},
@@ -97,6 +113,21 @@ def test_the_judge_tells_failures():
     assert "KeyError" in outcome(raising(KeyError("x")), {}, 1.0).reason
     assert "2 lines" in outcome(Target("m", list, raising(ValueError("a\nb")).read, (ValueError,)), {}, 1.0).reason
     assert "longer than" in outcome(Target("made up", list, lambda _: time.sleep(9)), {}, 0.05).reason
+
+
+def test_the_judge_hears_of_exceptions_that_python_only_prints():
+    class Dying:
+        def __del__(self):
+            raise KeyError("x")
+
+    assert "KeyError" in outcome(Target("made up", list, lambda _: Dying()), {}, 1.0).reason
+
+
+def test_an_input_that_takes_memory_is_a_failure_and_the_next_one_is_not():
+    peak = Peak()
+    bytearray(FACTOR * 8 + ALLOWANCE + (32 << 20))
+    assert "memory" in peak.excess({"a": b"12345678"})
+    assert not peak.excess({"a": b""})
 
 
 def test_inputs_are_reproducible_and_differ():

@@ -96,8 +96,8 @@ RUNBOOK = (
     ),
     _entry(
         "sink-clock",
-        "`this computer's clock ...` (sink), rows flagged `sink_clock`",
-        "`timedatectl`, `chronyc tracking`: set the clock of the sink's computer; no row is lost",
+        "`this computer's clock ...`, rows flagged `sink_clock`",
+        "`timedatectl`, `chronyc tracking` on both computers: set the clock that is wrong; no row is lost",
         r"^this computer's clock",
     ),
     _entry(

@@ -63,6 +63,8 @@ class Delivery:
     """How long no receipt has come while a sink is online [s]."""
     rights_trouble: str = ""
     """Which rows the broker acknowledges and does not take."""
+    clock_trouble: str = ""
+    """How this computer's clock differs from that of the sinks."""
     old_after_s: float | None = None
     """Age from which on rows that wait are a problem [s]."""
 

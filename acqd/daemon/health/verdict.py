@@ -135,6 +135,8 @@ def _delivery_problems(delivery: Delivery) -> list[str]:
         problems.append(f"spool: {delivery.reading_trouble}")
     if delivery.left_behind:
         problems.append(f"spool: {delivery.left_behind}")
+    if delivery.clock_trouble:
+        problems.append(delivery.clock_trouble)
     if delivery.rights_trouble:
         problems.append(f"rows refused: {delivery.rights_trouble}")
     elif delivery.unreceipted_s > UNRECEIPTED_S:

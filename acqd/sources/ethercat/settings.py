@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 from acqd.errors import UserError
+from acqd.numerals import whole_number
 from acqd.sources import el3783
 
 OVERSAMPLING = (1, 2, 4, 5, 8, 10, 16, 20, 25, 32, 40, 50, 64, 80, 100)
@@ -50,12 +51,13 @@ class EthercatSettings:
 
     def _place(self, text: str) -> tuple[int, int]:
         terminal, _, phase = text.partition(":")
-        if not terminal.isdigit() or phase not in ("L1", "L2", "L3") or not 1 <= int(terminal) <= self.terminals:
+        number = whole_number(terminal)
+        if number is None or phase not in ("L1", "L2", "L3") or not 1 <= number <= self.terminals:
             raise UserError(
                 f"source.phases: {text!r} is not like 1:L1, with a terminal from 1 to {self.terminals} "
                 "and a phase L1, L2 or L3"
             )
-        return int(terminal) - 1, int(phase[1]) - 1
+        return number - 1, int(phase[1]) - 1
 
     def samples(self) -> int:
         """Samples a block: as set, or what suits this host. Raises UserError for a block too short to be read."""

@@ -128,8 +128,8 @@ class _Reader:
         self._one_of("phases", profile.phases, (1, 2, 3))
         if not isinstance(profile.update_s, int | float) or not 0.05 <= profile.update_s <= 3600:
             self._refuse(f"update_s is {profile.update_s!r}, expected 0.05 to 3600 s")
-        if not 1 <= profile.most_registers <= 125:
-            self._refuse(f"most_registers is {profile.most_registers}, expected 1 to 125")
+        if not isinstance(profile.most_registers, int) or not 1 <= profile.most_registers <= 125:
+            self._refuse(f"most_registers is {profile.most_registers!r}, expected 1 to 125")
         return profile
 
     def _identity(self, place: Any, function: int, order: WordOrder) -> Identity | None:

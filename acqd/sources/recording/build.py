@@ -178,7 +178,9 @@ def _rate(recording: Recording, given: ChannelMap, f_nominal: float) -> tuple[fl
 
 def _common(recording: Recording, skews: list[float]) -> tuple[int, int]:
     """Samples at whose time every channel is known."""
-    first, last = math.ceil(max(0.0, *skews)), recording.samples + math.floor(min(0.0, *skews))
+    first = last = 0
+    if all(map(math.isfinite, skews)):
+        first, last = math.ceil(max(0.0, *skews)), recording.samples + math.floor(min(0.0, *skews))
     if first >= last:
         raise InputError(recording.path, "the skews of its channels are longer than the recording")
     if recording.breaks and first | (recording.samples - last):

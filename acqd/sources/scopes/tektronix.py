@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from acqd.errors import InputError
+from acqd.numerals import whole_number
 from acqd.sources.recording.channel import Recording
 from acqd.sources.scopes.shot import Trace, check_step, recording_of
 from acqd.sources.waveform import ChannelMap
@@ -43,8 +44,9 @@ def _read(path: Path) -> list[Trace]:
         raise InputError(path, "holds an envelope (minimum and maximum), not samples; save in sample or high-res mode")
     codes = _codes(path, content[found.end() :], found.group(1), said)
     points = said.get("points", "")
-    if points.isdigit() and len(codes) < int(points):
-        raise InputError(path, f"is truncated: {len(codes)} of {points} samples")
+    expected = whole_number(points)
+    if expected is not None and len(codes) < expected:
+        raise InputError(path, f"is truncated: {len(codes)} of {expected} samples")
     values = {key: _number(path, key, said[key]) for key in _MUST}
     step = check_step(path, values["step"])
     origin = (_number(path, "zero_x", said.get("zero_x", "0"))

@@ -17,6 +17,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from acqd.regular_file import open_regular
 from acqd.telemetry.ranges import Ranges
 from acqd.telemetry.spool.record import (
     BEGUN,
@@ -44,7 +45,9 @@ _FIRST_RECORD = 256
 """Bytes that hold the first record, when the segment was begun."""
 SUFFIX, KEPT, DAMAGED = ".seg", ".kept", ".damaged"
 """Rows that wait; rows that are stored, kept for a sink whose database was restored; what cannot be read."""
-_NAME = re.compile(r"(\d{16})\.(?:seg|kept|damaged)")
+_NAME = re.compile(r"([0-9]{16,19})\.(?:seg|kept|damaged)")
+_MOST_BYTES = 64 << 20
+"""No spool writes a longer file; what somebody else has put there is not read into memory."""
 
 
 def number_of(path: Path) -> int | None:
@@ -95,14 +98,17 @@ class Segment:
         number = number_of(path)
         assert number is not None
         segment = cls(number, path)
-        with path.open("rb", buffering=0) as file:
-            size = os.fstat(file.fileno()).st_size
-            if segment._read_index(file.fileno(), size):
-                first = record_at(_read(file.fileno(), min(_FIRST_RECORD, size - START), START), 0)
+        file = open_regular(path, _MOST_BYTES)
+        try:
+            size = os.fstat(file).st_size
+            if segment._read_index(file, size):
+                first = record_at(_read(file, min(_FIRST_RECORD, size - START), START), 0)
                 segment.begun = first.begun if first is not None and first.kind == BEGUN else None
             else:
-                data = _read(file.fileno(), size, 0)
+                data = _read(file, size, 0)
                 segment.damaged = max(0, size - START - segment._index(data))
+        finally:
+            os.close(file)
         return segment
 
     def to_file(self, folder: Path) -> None:

@@ -28,6 +28,11 @@ def test_a_service_that_works_is_ready_without_a_word(snapshot):
         (daemon(delivery=Delivery(disk_trouble="no space left")), True, "no space left"),
         (daemon(delivery=Delivery(reading_trouble="a.seg cannot be read: Input/output error")), True, "cannot be read"),
         (daemon(delivery=Delivery(unreceipted_s=56.0)), True, "no receipt for 56 s"),
+        (
+            daemon(delivery=Delivery(clock_trouble="this computer's clock says 1970")),
+            True,
+            "this computer's clock says",
+        ),
         (daemon(delivery=Delivery(rights_trouble="acqd/c/L1/power", unreceipted_s=56.0)), True, "rows refused: acqd/c"),
         (daemon(delivery=Delivery(receipt_lag_s=3.1)), True, "receipts late: rows wait 3.1 s"),
         (daemon(delivery=Delivery(left_behind="3 rows of device old wait")), True, "spool: 3 rows of device old"),

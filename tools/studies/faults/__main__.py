@@ -30,7 +30,7 @@ from acqd.cli.main import for_people
 from acqd.errors import UserError
 from tools.common.ending import end_in_order
 from tools.common.tables import show
-from tools.studies.faults import clock, disk, refusals
+from tools.studies.faults import clock, disk, on_postgres, refusals
 from tools.studies.faults.bed import BROKERS, DATABASES, Extras, Kind
 from tools.studies.faults.campaign import Outcome, Plan, forget, run
 from tools.studies.faults.faults import ALL
@@ -129,7 +129,10 @@ def _name(parts: list[str], keep: Path | None, *, json: bool) -> int:
 
 def _extras(console: Console) -> Extras:
     """What this computer can do; one line about what it cannot."""
-    reasons = {"clock set": clock.missing(), "disk full": disk.missing(), "disk errors": refusals.missing()}
+    reasons = {
+        "clock set": clock.missing(), "disk full": disk.missing(), "disk errors": refusals.missing(),
+        "pooler": on_postgres.missing_pooler(),
+    }  # fmt: skip
     for name, reason in reasons.items():
         if reason:
             console.print(f"skipped: {name} ({reason})", highlight=False)
@@ -137,6 +140,7 @@ def _extras(console: Console) -> Extras:
         clock=not reasons["clock set"],
         disks=not reasons["disk full"],
         refusals=not reasons["disk errors"],
+        pooler=not reasons["pooler"],
         sidecar=True,
     )
 

@@ -11,7 +11,7 @@ import orjson
 import sqlalchemy as sa
 
 from acqd.daemon.health.section import HealthSection
-from acqd.storage.database import open_database
+from acqd.storage.database import engine_for, open_database
 from acqd.storage.schema import power
 from acqd.telemetry.ports import free_port
 from tools.studies.faults import disk
@@ -21,13 +21,13 @@ from tools.studies.faults.memory import limited, unit_limit
 from tools.studies.faults.process import Process
 from tools.studies.faults.proxy import Proxy
 from tools.studies.faults.refusals import Refusals
-from tools.studies.faults.servers import ACQD, broker, postgres
+from tools.studies.faults.servers import ACQD, administrator, broker, postgres
 
 BROKERS = ("mosquitto", "mosquitto-memory", "embedded")
 """With and without persistence, and amqtt."""
 DATABASES = ("sqlite", "postgres")
 DEVICE = "cell1"
-_STATE_MB, _DATABASE_MB = 96, 512
+_STATE_MB, _DATABASE_MB, _LOG_MB = 96, 512, 256
 _FOLDERS = {"daemon": "state", "sink": "database"}
 """Where a service keeps its files."""
 
@@ -53,6 +53,8 @@ class Extras:
     """Spool and database have small disks, so that they can be filled."""
     refusals: bool = False
     """The disks of daemon and sink answer errors when they are told to."""
+    pooler: bool = False
+    """PgBouncer is there."""
     sidecar: bool = False
     """A sidecar works on robot logs."""
     daemon_memory: int | None = None
@@ -70,7 +72,7 @@ class Bed:
         """Rows of the daemon; rows of others, to be stored, too; rows that pretend to be the daemon's."""
         for file in (self.tape, self.strangers, self.forged):
             file.touch()
-        self.disks = _disks(folder) if extras.disks else {}
+        self.disks = _disks(folder, kind) if extras.disks else {}
         self.port = free_port()
         self.health = HealthSection(port=free_port(), sink_port=free_port())
         self.proxies = {name: Proxy(self.port) for name in ("daemon", "sink", "sidecar")}
@@ -106,7 +108,8 @@ class Bed:
     def engine(self) -> sa.Engine:
         """The database, to look into."""
         if self._engine is None:
-            self._engine = open_database(self.url)
+            open_database(self.url).dispose()  # the tables belong to the sink's role
+            self._engine = engine_for(administrator(self.url))
         return self._engine
 
     def start(self) -> None:
@@ -169,7 +172,9 @@ class Bed:
     def _storage(self) -> tuple[Process | None, str]:
         place = self.folder / "database"
         place.mkdir(exist_ok=True)
-        return postgres(self.folder, place) if self.kind.database == "postgres" else (None, f"{place / 'rows.sqlite'}")
+        if self.kind.database == "postgres":
+            return postgres(self.folder, place, self.folder / "log" if "log" in self.disks else None)
+        return None, f"{place / 'rows.sqlite'}"
 
     def _clock(self, process: Process, name: str) -> FakedClock:
         faked = FakedClock(self.folder / f"{name}.clock")
@@ -203,9 +208,12 @@ def _installed(bytecode: Path) -> dict[str, str]:
     return environment
 
 
-def _disks(folder: Path) -> dict[str, disk.SmallDisk]:
+def _disks(folder: Path, kind: Kind) -> dict[str, disk.SmallDisk]:
     disk.own_mounts()
-    return {
+    disks = {
         "spool": disk.SmallDisk(folder / "state", _STATE_MB),
         "database": disk.SmallDisk(folder / "database", _DATABASE_MB),
     }
+    if kind.database == "postgres":
+        disks["log"] = disk.SmallDisk(folder / "log", _LOG_MB)
+    return disks

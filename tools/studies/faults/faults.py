@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import signal
 
+from tools.studies.faults import by_strangers, on_postgres
 from tools.studies.faults.bed import Extras, Kind
-from tools.studies.faults.by_strangers import FAULTS
 from tools.studies.faults.fault import Fault, Pick
 from tools.studies.faults.on_clocks import days_ahead, days_behind, maintained, sink_behind, stepped
 from tools.studies.faults.on_network import cut, latency, reset
@@ -39,31 +39,35 @@ _PROCESSES: dict[str, Pick] = {
     "broker": lambda bed: bed.broker,
     "sidecar": lambda bed: bed.sidecar,
 }
-ALL: dict[str, Fault] = {
-    "MAIN_FAST killed": fast(signal.SIGKILL),
-    "MAIN_FAST killed thrice": fast(signal.SIGKILL, 3),
-    "MAIN_FAST hung": fast(signal.SIGSTOP),
-    "MAIN_FAST stalled": fast_stalls,
-    "database locked": lock,
-    "database crashed": database_crash,
-    "database disk full": database_disk_full,
-    "database moved away": database_moved,
-    "foreign file in the spool": foreign_file,
-    "spool disk full": spool_disk_full,
-    "all killed": all_killed,
-    "second daemon": second_daemon,
-    "clock set": stepped,
-    "clock days ahead": days_ahead,
-    "clock days behind": days_behind,
-    "sink's clock behind": sink_behind,
-    "maintenance with a wrong clock": maintained,
-    "database put back": database_put_back,
-    "spool unreadable": spool_unreadable,
-    "spool deleted": spool_deleted,
-    "stopped on a full disk": stopped_on_a_full_disk,
-    "daemon's disk answers errors": disk_errors("daemon"),
-    "sink's disk answers errors": disk_errors("sink"),
-} | FAULTS
+ALL: dict[str, Fault] = (
+    {
+        "MAIN_FAST killed": fast(signal.SIGKILL),
+        "MAIN_FAST killed thrice": fast(signal.SIGKILL, 3),
+        "MAIN_FAST hung": fast(signal.SIGSTOP),
+        "MAIN_FAST stalled": fast_stalls,
+        "database locked": lock,
+        "database crashed": database_crash,
+        "database disk full": database_disk_full,
+        "database moved away": database_moved,
+        "foreign file in the spool": foreign_file,
+        "spool disk full": spool_disk_full,
+        "all killed": all_killed,
+        "second daemon": second_daemon,
+        "clock set": stepped,
+        "clock days ahead": days_ahead,
+        "clock days behind": days_behind,
+        "sink's clock behind": sink_behind,
+        "maintenance with a wrong clock": maintained,
+        "database put back": database_put_back,
+        "spool unreadable": spool_unreadable,
+        "spool deleted": spool_deleted,
+        "stopped on a full disk": stopped_on_a_full_disk,
+        "daemon's disk answers errors": disk_errors("daemon"),
+        "sink's disk answers errors": disk_errors("sink"),
+    }
+    | by_strangers.FAULTS
+    | on_postgres.FAULTS
+)
 for _name, _pick in _PROCESSES.items():
     ALL[f"{_name} killed"] = kill(_pick)
     ALL[f"{_name} restarted"] = restart(_pick)
@@ -78,7 +82,10 @@ _NEEDS = {
     "clock": (
         "clock set", "clock days ahead", "clock days behind", "sink's clock behind", "maintenance with a wrong clock",
     ),
-    "disks": ("database disk full", "spool disk full", "stopped on a full disk"),
+    "disks": (
+        "database disk full", "spool disk full", "stopped on a full disk", "PostgreSQL: disk of its log full",
+    ),
+    "pooler": ("PostgreSQL: pooler",),
     "refusals": ("daemon's disk answers errors", "sink's disk answers errors"),
 }  # fmt: skip
 
@@ -89,7 +96,7 @@ _FILES = {"sink's disk answers errors"}
 def possible(kind: Kind, extras: Extras) -> list[str]:
     """The faults that a bed can have."""
     without = {name for need, names in _NEEDS.items() if not getattr(extras, need) for name in names}
-    without |= set() if kind.database == "postgres" else {"database crashed"}
+    without |= set() if kind.database == "postgres" else {"database crashed", *on_postgres.FAULTS}
     without |= set() if kind.database == "sqlite" else {"database moved away", "database put back", *_FILES}
     without |= set() if extras.sidecar else {name for name in ALL if name.startswith("sidecar")}
     return [name for name in ALL if name not in without]

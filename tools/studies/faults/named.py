@@ -19,8 +19,9 @@ from paho.mqtt.enums import CallbackAPIVersion
 
 from acqd.daemon.health.query import Service, ask
 from tools.studies.faults.bed import DEVICE, Bed, Extras, Kind
+from tools.studies.faults.on_postgres import DISCONNECT, as_administrator, use_up_log
 from tools.studies.faults.process import Process
-from tools.studies.faults.servers import ACQD
+from tools.studies.faults.servers import ACQD, ROLE
 
 WITHIN_S = 10.0
 _PATIENCE_S = 20.0
@@ -229,6 +230,34 @@ def _daemon_ahead(bed: Bed, _fault: ExitStack) -> None:
     bed.clock.set(2 * 86_400.0)
 
 
+def _daemon_behind(bed: Bed, _fault: ExitStack) -> None:
+    assert bed.clock is not None
+    bed.daemon.stop()
+    bed.clock.set(-40 * 86_400.0)
+    bed.daemon.start()
+
+
+def _taken(*statements: str) -> Begin:
+    """An administrator of the server does this, and ends the sessions of the sink."""
+
+    def begin(bed: Bed, _fault: ExitStack) -> None:
+        as_administrator(bed, *statements, DISCONNECT)
+
+    return begin
+
+
+def _log_disk_full(bed: Bed, fault: ExitStack) -> None:
+    bed.disks["log"].fill()
+    fault.callback(bed.disks["log"].free)
+    use_up_log(bed)
+
+
+def _dropped(bed: Bed, _fault: ExitStack) -> None:
+    """Somebody's trigger drops rows without an error."""
+    with bed.engine.begin() as connection:
+        connection.exec_driver_sql("CREATE TRIGGER d BEFORE INSERT ON power_row BEGIN SELECT RAISE(IGNORE); END")
+
+
 def _sink_behind(bed: Bed, _fault: ExitStack) -> None:
     assert bed.sink_clock is not None
     bed.sink.stop()
@@ -273,5 +302,18 @@ CASES = (
     Case("energy register not written", _errors("rename"), "daemon", "^energy register: ", need="refusals"),
     Case("daemon's clock two days ahead", _daemon_ahead, "sink", "in quarantine, .*clock", need="clock"),
     Case("sink's clock two days behind", _sink_behind, "sink", "this computer's clock", need="clock"),
+    Case("daemon's clock 40 days behind", _daemon_behind, "daemon", "^this computer's clock says", need="clock"),
+    Case("rows dropped by a trigger", _dropped, "sink", "leaves out rows .* without an error"),
+    Case(
+        "rights of the sink's role taken", _taken(f"REVOKE INSERT ON power FROM {ROLE}"), "sink",
+        "^database away: .*permission denied for table power", database="postgres",
+    ),
+    Case(
+        "server read-only", _taken("ALTER DATABASE postgres SET default_transaction_read_only = on"), "sink",
+        "^database away: .*read-only transaction", database="postgres",
+    ),
+    Case(
+        "disk of the server's log full", _log_disk_full, "sink", "^database away: ", database="postgres", need="disks",
+    ),
     Case("broker silent", _broker_silent, "daemon", "broker away"),
-)
+)  # fmt: skip

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import io
 import multiprocessing
 import random
 import resource
 import signal
 import warnings
+import zipfile
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -14,10 +16,9 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
-from tools.studies.fuzz import memory
 from tools.studies.fuzz.judge import Outcome, outcome
+from tools.studies.fuzz.memory import Peak
 from tools.studies.fuzz.mutate import Files, mutated
-from tools.studies.fuzz.seeds import as_zip
 from tools.studies.fuzz.targets import target
 
 _REPORT_EVERY = 200
@@ -118,7 +119,7 @@ class _Campaign:
         if self.keep is not None and self.tally.failures[failure] <= _KEPT:
             seeds = target(self.tally.parser).seeds()
             files = input_of(self.tally.parser, self.seed, number, seeds)
-            (self.keep / f"{self.tally.parser}-{number}.zip").write_bytes(as_zip(files))
+            (self.keep / f"{self.tally.parser}-{number}.zip").write_bytes(_as_zip(files))
 
 
 def _work(sender: Connection, name: str, seed: int, first: int, count: int, limits: Limits) -> None:
@@ -129,12 +130,11 @@ def _work(sender: Connection, name: str, seed: int, first: int, count: int, limi
         outcome(parser, files, 60.0)  # imports take time and memory too
     resource.setrlimit(resource.RLIMIT_AS, (limits.memory_bytes, limits.memory_bytes))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    accepted = refused = 0
+    accepted, refused, peak = 0, 0, Peak()
     for number in range(first, count):
         files = input_of(name, seed, number, seeds)
-        before = memory.reset_peak()
         end: Outcome = outcome(parser, files, limits.seconds)
-        if end.kind != "failure" and (reason := memory.excess(files, before)):
+        if (reason := peak.excess(files)) and end.kind != "failure":
             end = Outcome("failure", reason)
         accepted += end.kind == "accepted"
         refused += end.kind == "refused"
@@ -146,3 +146,12 @@ def _work(sender: Connection, name: str, seed: int, first: int, count: int, limi
 
 def _ending(code: int) -> str:
     return signal.Signals(-code).name if code < 0 else f"exit code {code}"
+
+
+def _as_zip(files: Files) -> bytes:
+    """The files as one archive, to keep an input that fails."""
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w") as archive:
+        for name, content in files.items():
+            archive.writestr(name, content)
+    return buffer.getvalue()

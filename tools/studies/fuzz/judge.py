@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import sys
 import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -33,6 +34,14 @@ class HangError(BaseException):
 
 def outcome(target: Target, files: Files, limit_s: float) -> Outcome:
     """Runs one input. Only in a main thread: the time limit is a signal."""
+    with _ignored() as ignored:
+        end = _end(target, files, limit_s)
+    if ignored and end.kind != "failure":
+        return Outcome("failure", f"a traceback is printed and ignored: {ignored[0]}")
+    return end
+
+
+def _end(target: Target, files: Files, limit_s: float) -> Outcome:
     try:
         with _time_limit(limit_s):
             target.run(files)
@@ -45,6 +54,18 @@ def outcome(target: Target, files: Files, limit_s: float) -> Outcome:
     except Exception as error:
         return Outcome("failure", _place(error))
     return Outcome("accepted")
+
+
+@contextmanager
+def _ignored() -> Iterator[list[str]]:
+    """What Python cannot raise, in a callback or a destructor, and prints with a traceback."""
+    found: list[str] = []
+    before = sys.unraisablehook
+    sys.unraisablehook = lambda what: found.append(f"{what.exc_type.__name__} in {what.object!r:.60}")
+    try:
+        yield found
+    finally:
+        sys.unraisablehook = before
 
 
 def _of_message(message: str) -> Outcome:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import re
 import struct
 from collections.abc import Callable
 from typing import TypeAlias
@@ -20,6 +21,7 @@ _SPECKS = (
     b"\xef\xbb\xbf", b"\xc3\x28", b"\xed\xa0\x80", b"\\u0000", b"\x1a", b"#", b"/", b"..", b"\xe2\x80\xa8",
 )  # fmt: skip
 _WIDTHS = ("<h", "<i", "<q", "<d", ">h", ">i", ">q", "<f")
+_WORD_ENDS = re.compile(rb'[ ,;\t\n\r:=[\]{}"]')
 _EXTREMES = (0, 1, -1, 2**15 - 1, -(2**15), 2**31 - 1, -(2**31), 2**63 - 1, -(2**63))
 
 
@@ -83,7 +85,7 @@ def _binary_number(content: bytes, chance: random.Random) -> bytes:
 
 def _text_number(content: bytes, chance: random.Random) -> bytes:
     """Another value in the place of some number or word."""
-    ends = [k for k, byte in enumerate(content[:20_000]) if byte in b' ,;\t\n\r:=[]{}"']
+    ends = [end.start() for end in _WORD_ENDS.finditer(content, 0, 20_000)]
     if len(ends) < 2:
         return content
     k = chance.randrange(len(ends) - 1)

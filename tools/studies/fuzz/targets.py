@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import atexit
+import shutil
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from acqd.errors import UserError
-from tools.studies.fuzz import seeds
 from tools.studies.fuzz.mutate import Files
+from tools.studies.fuzz.seeds import descriptions, messages, motion, power, waveforms
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,16 +29,22 @@ class Target:
 
     def run(self, files: Files) -> None:
         """Raises whatever the parser raises."""
-        with tempfile.TemporaryDirectory(prefix="acqd-fuzz-", dir=_memory()) as folder:
-            for name, content in files.items():
-                (Path(folder) / name).write_bytes(content)
-            self.read(Path(folder))
+        folder = _folder()
+        for path in folder.iterdir():
+            if path.name not in files:
+                path.unlink()
+        for name, content in files.items():
+            (folder / name).write_bytes(content)
+        self.read(folder)
 
 
 @cache
-def _memory() -> str | None:
-    """A folder in memory, where there is one: a million inputs would wear out a disk."""
-    return "/dev/shm" if Path("/dev/shm").is_dir() else None
+def _folder() -> Path:
+    """Where this process writes its inputs; in memory, where that is possible: a million would wear out a disk."""
+    memory = Path("/dev/shm")
+    folder = Path(tempfile.mkdtemp(prefix="acqd-fuzz-", dir=memory if memory.is_dir() else None))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return folder
 
 
 def _waveform(name: str, **options: Any) -> Callable[[Path], object]:
@@ -164,7 +172,7 @@ def _sampled_values(folder: Path) -> object:
 def _live(folder: Path) -> object:
     from acqd.sidecar.live import Live
 
-    live = Live(seeds.grey_box(), "a", "b")
+    live = Live(motion.grey_box(), "a", "b")
     live.answer((folder / "joints.json").read_bytes())
     if live.refused:
         raise UserError("refused and counted")
@@ -175,37 +183,37 @@ _METERED = 2000  # samples
 _VALUE_ERROR = (ValueError,)
 _SCALES = {"u_scale": 400.0, "i_scale": 10.0}
 TARGETS: tuple[Target, ...] = (
-    Target("csv", seeds.csv_waveforms, _waveform("a.csv")),
-    Target("csv-rate", seeds.csv_waveforms, _waveform("a.csv", rate=20_000.0, columns={"u1": "1", "i1": "2"})),
-    Target("npz", seeds.npz_waveforms, _waveform("a.npz")),
-    Target("wav", seeds.wav_waveforms, _waveform("a.wav", **_SCALES)),
-    Target("flac", seeds.flac_waveforms, _waveform("a.flac", **_SCALES)),
-    Target("comtrade", seeds.comtrade_waveforms, _waveform("a.cfg")),
-    Target("comtrade-cff", seeds.cff_waveforms, _waveform("a.cff")),
-    Target("mat", seeds.mat_waveforms, _waveform("a.mat")),
-    Target("hdf5", seeds.hdf5_waveforms, _waveform("a.h5")),
-    Target("parquet", seeds.parquet_waveforms, _waveform("a.parquet")),
-    Target("arrow", seeds.arrow_waveforms, _waveform("a.arrow")),
-    Target("tdms", seeds.tdms_waveforms, _waveform("a.tdms")),
-    Target("trc", seeds.trc_waveforms, _waveform("C1a.trc")),
-    Target("isf", seeds.isf_waveforms, _waveform("a_CH1.isf")),
-    Target("wfm", seeds.wfm_waveforms, _waveform("a_CH1.wfm")),
-    Target("row", seeds.rows, _row, _VALUE_ERROR),
-    Target("event", seeds.events, _event, _VALUE_ERROR),
-    Target("receipt", seeds.receipts, _receipt, _VALUE_ERROR),
-    Target("name", seeds.asks, _name),
-    Target("config", seeds.configurations, _config),
-    Target("log", seeds.logs, _log),
-    Target("table", seeds.tables, _table),
-    Target("bundle", seeds.bundles, _bundle),
-    Target("power-csv", seeds.power_csv, _power),
-    Target("power-jsonl", seeds.power_json_lines, _power),
-    Target("power-parquet", seeds.power_parquet, _power),
-    Target("robot", seeds.robots, _robot),
-    Target("urdf", seeds.urdf, _urdf),
-    Target("meter-profile", seeds.profiles, _profile),
-    Target("sampled-values", seeds.sampled_values, _sampled_values),
-    Target("joints", seeds.joints, _live),
+    Target("csv", waveforms.csv_waveforms, _waveform("a.csv")),
+    Target("csv-rate", waveforms.csv_waveforms, _waveform("a.csv", rate=20_000.0, columns={"u1": "1", "i1": "2"})),
+    Target("npz", waveforms.npz_waveforms, _waveform("a.npz")),
+    Target("wav", waveforms.wav_waveforms, _waveform("a.wav", **_SCALES)),
+    Target("flac", waveforms.flac_waveforms, _waveform("a.flac", **_SCALES)),
+    Target("comtrade", waveforms.comtrade_waveforms, _waveform("a.cfg")),
+    Target("comtrade-cff", waveforms.cff_waveforms, _waveform("a.cff")),
+    Target("mat", waveforms.mat_waveforms, _waveform("a.mat")),
+    Target("hdf5", waveforms.hdf5_waveforms, _waveform("a.h5")),
+    Target("parquet", waveforms.parquet_waveforms, _waveform("a.parquet")),
+    Target("arrow", waveforms.arrow_waveforms, _waveform("a.arrow")),
+    Target("tdms", waveforms.tdms_waveforms, _waveform("a.tdms")),
+    Target("trc", waveforms.trc_waveforms, _waveform("C1a.trc")),
+    Target("isf", waveforms.isf_waveforms, _waveform("a_CH1.isf")),
+    Target("wfm", waveforms.wfm_waveforms, _waveform("a_CH1.wfm")),
+    Target("row", messages.rows, _row, _VALUE_ERROR),
+    Target("event", messages.events, _event, _VALUE_ERROR),
+    Target("receipt", messages.receipts, _receipt, _VALUE_ERROR),
+    Target("name", messages.asks, _name),
+    Target("config", descriptions.configurations, _config),
+    Target("log", motion.logs, _log),
+    Target("table", motion.tables, _table),
+    Target("bundle", motion.bundles, _bundle),
+    Target("power-csv", power.power_csv, _power),
+    Target("power-jsonl", power.power_json_lines, _power),
+    Target("power-parquet", power.power_parquet, _power),
+    Target("robot", descriptions.robots, _robot),
+    Target("urdf", descriptions.urdf, _urdf),
+    Target("meter-profile", descriptions.profiles, _profile),
+    Target("sampled-values", messages.sampled_values, _sampled_values),
+    Target("joints", messages.joints, _live),
 )
 
 

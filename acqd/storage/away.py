@@ -1,0 +1,24 @@
+"""A database that cannot be used now, or says that it has what it has not."""
+
+from __future__ import annotations
+
+import sqlalchemy as sa
+
+from acqd.errors import UserError
+from acqd.storage.url import shown
+
+
+class DatabaseAwayError(UserError):
+    """The database cannot be used now; trying again may help."""
+
+    def __init__(self, message: str, reason: str) -> None:
+        """`reason`: what the database or its driver says, in one line."""
+        super().__init__(message)
+        self.reason = reason
+
+
+def left_out(connection: sa.Connection, rows: int) -> DatabaseAwayError:
+    """What to raise where the database reports success and has not taken all rows: they get no receipt."""
+    text = f"{shown(connection.engine.url)}: it leaves out rows ({rows}) without an error"
+    text += ": does a trigger, a rule or a policy of the table drop them?"
+    return DatabaseAwayError(f"database {text}", text)

@@ -1,0 +1,1 @@
+"""Small valid inputs of each parser, from which mutations start."""
