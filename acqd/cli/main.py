@@ -13,7 +13,8 @@ from typing import NoReturn, TextIO
 from typer import Typer
 
 from acqd.cli.commands import command_tree
-from acqd.errors import OperationError, UserError
+from acqd.cli.usage import answered
+from acqd.errors import OperationError, UserError, without_number
 
 _PROGRAM = Path(__file__).resolve().parents[1]
 _JOURNAL_LEVEL = {logging.DEBUG: 7, logging.INFO: 6, logging.WARNING: 4, logging.ERROR: 3, logging.CRITICAL: 2}
@@ -36,7 +37,7 @@ class _Lines(logging.Formatter):
     """One line per record; with systemd's priority prefix when the journal reads them."""
 
     def format(self, record: logging.LogRecord) -> str:
-        text = super().format(record)
+        text = without_number(super().format(record))
         if "JOURNAL_STREAM" in os.environ:
             return f"<{_JOURNAL_LEVEL.get(record.levelno, 6)}>{text}"
         return f"acqd: {record.levelname.lower()}: {text}" if record.levelno > logging.INFO else f"acqd: {text}"
@@ -50,7 +51,7 @@ def _end_quietly() -> NoReturn:
 
 def main() -> None:
     """Run the command line."""
-    for_people(lambda: _imported(sys.argv[1:])())
+    for_people(lambda: _imported(sys.argv[1:])(prog_name="acqd", standalone_mode=False))
 
 
 def _imported(arguments: Sequence[str]) -> Typer:
@@ -66,14 +67,17 @@ def _imported(arguments: Sequence[str]) -> Typer:
 
 
 def for_people(work: Callable[[], object]) -> None:
-    """Run `work`; errors become one line and an exit code: 0 ok, 1 failure, 2 bad input or usage, 130 interrupted."""
+    """Run `work`, which may return an exit code; errors become one line.
+
+    Exit codes: 0 ok, 1 failure, 2 bad input or usage, 130 interrupted.
+    """
     handler = _Stderr()
     handler.setFormatter(_Lines())
     logging.basicConfig(level=logging.INFO, handlers=[handler])
     logging.getLogger("alembic").setLevel(logging.WARNING)
     logging.getLogger("mqtt").setLevel(logging.ERROR)
     try:
-        work()
+        code = work()
     except UserError as error:
         print(f"acqd: {error}", file=sys.stderr)
         sys.exit(2)
@@ -88,10 +92,13 @@ def for_people(work: Callable[[], object]) -> None:
     except KeyboardInterrupt:
         sys.exit(130)
     except Exception as error:
-        if (line := _unanswered(error)) is None:
-            raise
-        print(f"acqd: {line}", file=sys.stderr)
+        if not answered(error):
+            if (line := _unanswered(error)) is None:
+                raise
+            print(f"acqd: {line}", file=sys.stderr)
         sys.exit(2)
+    if isinstance(code, int):
+        sys.exit(code)
 
 
 def _named(error: OSError) -> str:
