@@ -44,6 +44,8 @@ def read_toml(path: Path) -> dict[str, Any]:
         return tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except FileNotFoundError:
         raise InputError(path, "no such file; acqd config init writes a complete one") from None
+    except PermissionError:
+        raise InputError(path, "cannot be read (Permission denied); may this user read it (sudo)?") from None
     except OSError as error:
         raise InputError(path, f"cannot be read ({error.strerror}); expected a file of TOML") from None
     except UnicodeDecodeError as error:
