@@ -99,3 +99,24 @@ def test_by_part_without_marks_says_what_is_needed(works):
     assert "--marks FILE.csv" in refused(acqd_here("energy", "--database", works / "p.sqlite", "--by", "part"))
     words = ("energy", "--database", works / "p.sqlite", "--by", "day", "--marks", works / "m.csv")
     assert "goes with --by" in refused(acqd_here(*words))
+
+
+def test_the_page_has_every_value_and_the_check_of_the_sums(works, tmp_path):
+    page = tmp_path / "p.html"
+    done = ask(works, [(0, "gear <b>"), (300.5, "shaft"), (650, "shaft 2"), (1000, "")], "--html", page)
+    text = page.read_text()
+    assert f"written: {page}" in done.stdout and "gear &lt;b&gt;" in text and "<svg" in text and "over gaps" in text
+    assert "simulated" in text.lower() and "1.799" in text
+
+
+def test_marks_of_the_bridge_are_those_of_the_configuration(works, tmp_path):
+    (tmp_path / "m.csv").write_text(f"time,device,program,step,part,state\n{shown(0)},cell1,p,1,gear,\n")
+    (tmp_path / "acqd.toml").write_text(
+        f"[sink]\ndatabase = '{works / 'p.sqlite'}'\n[marks]\nfile = '{tmp_path / 'm.csv'}'\n"
+    )
+    span = ("--zone", "UTC", "--from", "2026-11-23T06:00", "--to", "2026-11-23T06:30")
+    for by, value in (("part", "gear"), ("step", "1"), ("program", "p")):
+        done = acqd_here("energy", "--config", tmp_path / "acqd.toml", "--by", by, *span, "--json")
+        ((only,),) = [each["values"] for each in json.loads(done.stdout)["devices"]]
+        assert only["value"] == value
+    assert "cell1" in acqd_here("energy", "--config", tmp_path / "acqd.toml", "--by", "day", *span).stdout

@@ -194,7 +194,7 @@ def test_day_ahead_prices_and_the_day_of_25_hours(rolled_up):
     ("words", "said"),
     [
         (("--by", "decade"), "expected hour, day"),
-        (("--by", "step"), "needs --marks FILE.csv (docs/energy.md), or the robot's logs: acqd energy work DS"),
+        (("--by", "step"), "needs marks: --marks FILE.csv, or [marks] file of acqd bridge marks"),
         (("--by", "shift"), "needs --shifts"),
         (("--zone", "Mars/Base"), "Mars/Base"),
         (("--from", "2026-10-25T02:30", "--zone", "Europe/Berlin"), "exists twice"),
