@@ -35,6 +35,8 @@ def read_marks(path: Path, kind: str) -> dict[str, Marks]:
     for name in ("time", kind):
         if name not in header:
             raise InputError(path, f"has no column {name}; expected a header with time, {kind} and perhaps device")
+    if twice := [name for name in ("time", kind, "device") if header.count(name) > 1]:
+        raise InputError(path, f"has two columns {twice[0]}; remove one")
     place = {name: header.index(name) for name in ("time", kind, "device") if name in header}
     found: dict[str, list[tuple[int, str]]] = {}
     latest: dict[str, int] = {}
