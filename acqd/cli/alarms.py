@@ -114,7 +114,7 @@ def history_command(
 ) -> None:
     """Show past and active alarms: since when, until when, who has acknowledged them.
 
-    Reads the file beside [alarms] state, on the computer where `acqd alarms` runs.
+    Reads the file beside the state of section alarms, on the computer where `acqd alarms` runs.
 
     Example: acqd alarms history --config /etc/acqd/acqd.toml
     """
