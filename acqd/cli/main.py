@@ -113,7 +113,7 @@ def _named(error: OSError) -> str:
     steps = [
         (Path(frame.f_code.co_filename), frame.f_code.co_name, line, frame.f_locals)
         for frame, line in traceback.walk_tb(error.__traceback__)
-        if _PROGRAM in Path(frame.f_code.co_filename).parents and frame.f_code.co_filename != __file__
+        if _PROGRAM in Path(frame.f_code.co_filename).parents
     ]
     for *_, values in reversed(steps):  # a full disk: write() knows no name, but what has called it does
         if path := next((value for value in values.values() if isinstance(value, Path)), None):
