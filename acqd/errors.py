@@ -7,7 +7,14 @@ import re
 _MOST, _TAIL = 2000, 300  # characters of a message, and of its end if its middle is left out
 
 
-class UserError(Exception):
+class _OneLine(Exception):  # noqa: N818
+    """Its message is one line, whatever a file or the system has put into it."""
+
+    def __init__(self, message: str = "") -> None:
+        super().__init__(_one_line(str(message)))
+
+
+class UserError(_OneLine):
     """Bad input, configuration or environment.
 
     The message is one line: what is wrong, where (file, row, key), what was expected, what to do.
@@ -15,15 +22,12 @@ class UserError(Exception):
     terminal as a control sequence.
     """
 
-    def __init__(self, message: str = "") -> None:
-        super().__init__(_one_line(str(message)))
-
 
 class SettingError(UserError):
     """A setting that no device can make right: trying again changes nothing."""
 
 
-class OperationError(Exception):
+class OperationError(_OneLine):
     """A failure that no other input or setting would have prevented. Its message is one line, the exit code 1."""
 
 
@@ -39,7 +43,8 @@ class InputError(UserError):
 
 
 def _one_line(text: str) -> str:
-    """The text with line ends and control characters as escapes, and without its middle if it is long."""
+    """Line ends and control characters as escapes, no numbers of the system, no middle if the text is long."""
+    text = without_number(text)
     if len(text) > _MOST:
         text = f"{text[: _MOST - _TAIL]} [...] {text[-_TAIL:]}"
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text.rstrip())
@@ -48,3 +53,22 @@ def _one_line(text: str) -> str:
 def without_number(error: object) -> str:
     """What an error of a library says, without the number that the system has for the kind."""
     return re.sub(r"\[Errno -?\d+\] ", "", str(error))
+
+
+_PYDANTIC = (
+    (r"^Value error, ", ""),
+    (r"Input should be a valid integer", "expected a whole number"),
+    (r"Input should be a valid (\w+)", r"expected a \1"),
+    (r"Input should be (greater|less) ", r"expected a number \1 "),
+    (r"Input should be ", "expected "),
+    (r"^Extra inputs are not permitted$", "there is no such key; is it misspelt?"),
+    (r"^Field required$", "is missing"),
+    (r", unable to parse string as .*$", ""),
+)
+
+
+def in_our_words(complaint: str) -> str:
+    """What Pydantic says of a value, as this program says it."""
+    for pattern, replacement in _PYDANTIC:
+        complaint = re.sub(pattern, replacement, complaint)
+    return complaint

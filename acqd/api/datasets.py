@@ -17,7 +17,7 @@ import shutil
 from pathlib import Path
 
 from acqd.api.dataset import Dataset
-from acqd.errors import UserError
+from acqd.errors import UserError, in_our_words
 from acqd.extras import LOOP, require
 
 _FORM = 1
@@ -83,7 +83,7 @@ def _made(robot: str, recordings: int, seed: int, effect: str | None) -> Dataset
         )  # fmt: skip
     except ValidationError as error:
         first = error.errors()[0]
-        raise UserError(f"{'.'.join(map(str, first['loc']))}: {first['msg']}") from None
+        raise UserError(f"{'.'.join(map(str, first['loc']))}: {in_our_words(first['msg'])}") from None
     key = json.dumps([_FORM, settings.model_dump(mode="json")], sort_keys=True).encode()
     what = hidden[0].id if hidden else "reference"
     kept = folder() / f"{Path(robot).stem}-{what}-{hashlib.sha256(key).hexdigest()[:12]}"

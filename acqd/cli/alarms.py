@@ -106,6 +106,39 @@ def list_command(config: ConfigFile = None, host: Host = None, port: Port = None
         raise typer.Exit(1)
 
 
+@app.command("history")
+def history_command(
+    most: Annotated[int, typer.Option("--most", min=1, help="So many alarms, the newest first.")] = 50,
+    config: ConfigFile = None,
+    json: Json = False,
+) -> None:
+    """Show past and active alarms: since when, until when, who has acknowledged them.
+
+    Reads the file beside the state of section alarms, on the computer where `acqd alarms` runs.
+
+    Example: acqd alarms history --config /etc/acqd/acqd.toml
+    """
+    from rich.table import Table
+
+    from acqd.cli.terminal import terminal
+    from acqd.integrations.alarms.history import history_file, read_history
+
+    settings = configured(config)
+    state = settings.table(AlarmsSection).state
+    if not state.is_absolute() and settings.state_dir is not None:  # of the installed service, which works there
+        state = settings.state_dir / state
+    found = read_history(history_file(state))[:most]
+    if json:
+        print(orjson.dumps(found).decode())
+        return
+    table = Table("since (UTC)", "until (UTC)", "key", "what", "acknowledged by")
+    for alarm in found:
+        until = alarm["resolved"][:16].replace("T", " ") or "active"
+        since = alarm["since"][:16].replace("T", " ")
+        table.add_row(since, until, alarm["key"], alarm["text"], alarm["acknowledged_by"])
+    terminal(tables=True).print(table)
+
+
 @app.command("acknowledge")
 def acknowledge_command(
     key: Annotated[str, typer.Argument(help="DEVICE/KIND, as `acqd alarms list` shows it.")],

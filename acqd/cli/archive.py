@@ -15,7 +15,7 @@ from acqd.archive.verify import Checked, verified
 from acqd.cli.options import ConfigFile, Json, config_file, utc_option
 from acqd.cli.terminal import terminal
 from acqd.daemon.archive.replay import chosen
-from acqd.daemon.config import load_config
+from acqd.daemon.config_file import load_config
 from acqd.errors import OperationError, UserError
 from acqd.timestamps import rfc3339
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Annotated
@@ -135,6 +136,34 @@ def sparkplug(config: ConfigFile = None, host: Host = None, port: Port = None, j
     section = settings.table(SparkplugSection)
     node = Node(section.group, section.node, section.stale_s, quality=section.quality)
     _show(serve(settings.mqtt.address(), node, f"acqd-sparkplug-{section.group}-{section.node}", qos=0), json=json)
+
+
+@app.command("marks")
+def marks(config: ConfigFile = None, host: Host = None, port: Port = None, json: Json = False) -> None:
+    """Write down which part, program, step or state topics of a production system name, for `acqd energy --by part`.
+
+    Topics and file are in section marks of acqd.toml.
+
+    Example: acqd bridge marks --config /etc/acqd/acqd.toml
+    """
+    from acqd.errors import UserError
+    from acqd.integrations.marks.file import MarksFile
+    from acqd.integrations.marks.section import MarksSection
+    from acqd.integrations.marks.writer import MarksWriter
+    from acqd.integrations.service import serve
+
+    settings = configured(config, host, port, "bridge")
+    section = settings.table(MarksSection)
+    if section.file is None or not section.topics:
+        raise UserError("[marks] of acqd.toml needs file and topics (docs/energy.md)")
+    file = MarksFile(section.file, time.time_ns())
+    writer = MarksWriter(section, file)
+    try:
+        serve(settings.mqtt.address(), writer, f"acqd-marks-{socket.gethostname()}")
+    finally:
+        writer.close()
+    counts = {"written": file.lines, "refused": writer.refused}
+    print(orjson.dumps(counts).decode() if json else f"{file.lines} marks written, {writer.refused} messages refused")
 
 
 def _show(sent: int, *, json: bool) -> None:

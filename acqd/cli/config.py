@@ -68,8 +68,8 @@ def check(
 
     Example: sudo acqd config check /etc/acqd/acqd.toml --connect
     """
-    from acqd.daemon.config import load_config
     from acqd.daemon.config_checks import config_checks
+    from acqd.daemon.config_file import load_config
 
     file = _chosen(path)
     findings = [*_keys(file), *config_checks(load_config(file), connect=connect)]
@@ -93,7 +93,8 @@ def diff(
 
     Example: acqd config diff /etc/acqd/acqd.toml hall-4.toml
     """
-    from acqd.daemon.config import Config, parsed_config, read_toml
+    from acqd.daemon.config import Config
+    from acqd.daemon.config_file import parsed_config, read_toml
     from acqd.daemon.config_values import differences, shown
 
     file = _chosen(path)
@@ -150,7 +151,8 @@ def _chosen(path: Path | None) -> Path:
 
 def _keys(file: Path) -> Iterator[Finding]:
     """What an upgrade would change, or how many keys are set."""
-    from acqd.daemon.config import Config, parsed_config, read_toml
+    from acqd.daemon.config import Config
+    from acqd.daemon.config_file import parsed_config, read_toml
     from acqd.daemon.config_values import differences
     from acqd.daemon.finding import Finding
     from acqd.installation.config_upgrade import planned

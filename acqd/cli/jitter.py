@@ -34,7 +34,7 @@ def jitter(
     Example: acqd jitter --duration 60
     """
     settings = configured(config)
-    source = settings.sources[0]
+    source = settings.every_source[0]
     if isinstance(source, MetersSection):
         raise UserError('jitter: source.kind = "meters" reads registers; it has no MAIN_FAST whose cycle could jitter')
     realtime = settings.realtime.settings()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import gc
 import logging
 import os
@@ -13,7 +14,8 @@ from typing import NoReturn, TextIO
 from typer import Typer
 
 from acqd.cli.commands import command_tree
-from acqd.errors import OperationError, UserError
+from acqd.cli.usage import answered
+from acqd.errors import OperationError, UserError, without_number
 
 _PROGRAM = Path(__file__).resolve().parents[1]
 _JOURNAL_LEVEL = {logging.DEBUG: 7, logging.INFO: 6, logging.WARNING: 4, logging.ERROR: 3, logging.CRITICAL: 2}
@@ -36,7 +38,7 @@ class _Lines(logging.Formatter):
     """One line per record; with systemd's priority prefix when the journal reads them."""
 
     def format(self, record: logging.LogRecord) -> str:
-        text = super().format(record)
+        text = without_number(super().format(record))
         if "JOURNAL_STREAM" in os.environ:
             return f"<{_JOURNAL_LEVEL.get(record.levelno, 6)}>{text}"
         return f"acqd: {record.levelname.lower()}: {text}" if record.levelno > logging.INFO else f"acqd: {text}"
@@ -50,7 +52,7 @@ def _end_quietly() -> NoReturn:
 
 def main() -> None:
     """Run the command line."""
-    for_people(lambda: _imported(sys.argv[1:])())
+    for_people(lambda: _imported(sys.argv[1:])(prog_name="acqd", standalone_mode=False))
 
 
 def _imported(arguments: Sequence[str]) -> Typer:
@@ -66,14 +68,17 @@ def _imported(arguments: Sequence[str]) -> Typer:
 
 
 def for_people(work: Callable[[], object]) -> None:
-    """Run `work`; errors become one line and an exit code: 0 ok, 1 failure, 2 bad input or usage, 130 interrupted."""
+    """Run `work`, which may return an exit code; errors become one line.
+
+    Exit codes: 0 ok, 1 failure, 2 bad input or usage, 130 interrupted.
+    """
     handler = _Stderr()
     handler.setFormatter(_Lines())
     logging.basicConfig(level=logging.INFO, handlers=[handler])
     logging.getLogger("alembic").setLevel(logging.WARNING)
     logging.getLogger("mqtt").setLevel(logging.ERROR)
     try:
-        work()
+        code = work()
     except UserError as error:
         print(f"acqd: {error}", file=sys.stderr)
         sys.exit(2)
@@ -84,28 +89,50 @@ def for_people(work: Callable[[], object]) -> None:
         if isinstance(error, BrokenPipeError):
             _end_quietly()
         print(f"acqd: {_named(error)}", file=sys.stderr)
-        sys.exit(1)
+        sys.exit(2 if error.errno in _REMEDIES else 1)
     except KeyboardInterrupt:
         sys.exit(130)
     except Exception as error:
-        if (line := _unanswered(error)) is None:
-            raise
-        print(f"acqd: {line}", file=sys.stderr)
+        if not answered(error):
+            if (line := _unanswered(error)) is None:
+                raise
+            print(f"acqd: {line}", file=sys.stderr)
         sys.exit(2)
+    if isinstance(code, int):
+        sys.exit(code)
 
 
 def _named(error: OSError) -> str:
-    """What the system says, with the file; without one, with the step of acqd that has met it."""
+    """The file, what the system says, and what helps; where the system names no file, that of acqd's innermost step."""
     what = error.strerror or str(error) or type(error).__name__
+    remedy = _REMEDIES.get(error.errno or 0, "")
     if error.filename is not None:
-        return f"{error.filename}: {what}"
+        return f"{error.filename}: {what}{remedy}"
     import traceback  # only here: it is slow to import
 
-    ours = [frame for frame in traceback.extract_tb(error.__traceback__) if _PROGRAM in Path(frame.filename).parents]
-    if not ours:
-        return what
-    file, step = Path(ours[-1].filename), ours[-1]
-    return f"{what}, in {step.name} ({file.relative_to(_PROGRAM.parent)}, line {step.lineno})"
+    steps = [
+        (Path(frame.f_code.co_filename), frame.f_code.co_name, line, frame.f_locals)
+        for frame, line in traceback.walk_tb(error.__traceback__)
+        if _PROGRAM in Path(frame.f_code.co_filename).parents
+    ]
+    for *_, values in reversed(steps):  # a full disk: write() knows no name, but what has called it does
+        if path := next((value for value in values.values() if isinstance(value, Path)), None):
+            return f"{path}: {what}{remedy}"
+    if not steps:
+        return f"{what}{remedy}"
+    file, step, line, _ = steps[-1]
+    return f"{what}, in {step} ({file.relative_to(_PROGRAM.parent)}, line {line}){remedy}"
+
+
+_ROOM, _RIGHTS = "; make room, or choose another disk", "; choose another place, or allow it to this user"
+_REMEDIES = {
+    errno.ENOSPC: _ROOM, errno.EDQUOT: _ROOM, errno.EFBIG: _ROOM,
+    errno.EACCES: _RIGHTS, errno.EPERM: _RIGHTS, errno.EROFS: _RIGHTS,
+    errno.ENOENT: "; check the path", errno.ENOTDIR: "; a file is where the path has a folder",
+    errno.EISDIR: "; expected a file", errno.EEXIST: "; remove it, or choose another name",
+    errno.ENAMETOOLONG: "; choose a shorter name", errno.EMFILE: "; raise the limit of open files (ulimit -n)",
+}  # fmt: skip
+"""Of errors that another input, place or setting would have prevented."""
 
 
 def _unanswered(error: Exception) -> str | None:

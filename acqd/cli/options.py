@@ -57,7 +57,8 @@ def configured(
 
     A broker that the command line names gets no password of a file that it does not name.
     """
-    from acqd.daemon.config import Config, load_config
+    from acqd.daemon.config import Config
+    from acqd.daemon.config_file import load_config
 
     if host is None and port is None:
         path = config_file(path)

@@ -154,8 +154,12 @@ def _settings(config: Path | None, tariff: Path | None) -> Config:
 
 def _listen(settings: Config) -> Heard:
     from acqd.plant.heard import listen
+    from acqd.plant.remembered import file_of, remember
 
-    return listen(settings.mqtt.address())
+    address = settings.mqtt.address()
+    heard = listen(address)
+    remember(heard, file_of(str(address)))
+    return heard
 
 
 def _found(folder: Path | None) -> dict[str, Row]:

@@ -9,7 +9,8 @@ import typer
 
 from acqd.cli.options import ConfigFile, Json, config_file
 from acqd.cli.serve import announce, demonstration_port, serve
-from acqd.daemon.config import Config, load_config
+from acqd.daemon.config import Config
+from acqd.daemon.config_file import load_config
 from acqd.errors import UserError
 from acqd.telemetry.topics import valid_device
 

@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
 from acqd.arrays import Floats
-from acqd.errors import InputError
+from acqd.errors import InputError, in_our_words
 from acqd.metering.block import Codes, StreamFormat
 from acqd.section import Section
 
@@ -133,7 +133,7 @@ def load_terminal(path: Path) -> Terminal:
 
 def _complaint(fault: object) -> str:
     assert isinstance(fault, dict)
-    key, text = ".".join(map(str, fault["loc"])), str(fault["msg"]).removeprefix("Value error, ")
+    key, text = ".".join(map(str, fault["loc"])), in_our_words(str(fault["msg"]))
     if fault["type"] == "extra_forbidden":
         return f"unknown key {key}; docs/conformance.md lists the keys"
     return f"{key}: {text}" if key else text

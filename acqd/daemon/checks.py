@@ -34,7 +34,7 @@ def all_checks(config: Config) -> list[Finding]:
         *privilege_checks(config),
         *_clock(),
         *compiled_c(),
-        *(finding for source in config.sources for finding in source_checks(source)),
+        *(finding for source in config.every_source for finding in source_checks(source)),
         *broker_checks(config),
         database_check(config),
         _disk(config),

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from acqd.daemon.config import SECRET, Config
+from acqd.daemon.config import Config
+from acqd.daemon.config_complaint import SECRET
 
 _NO_VALUE: tuple[object, ...] = (None, "", [], {})
 
@@ -19,9 +20,9 @@ def values_of(config: Config) -> dict[str, Any]:
             found |= {f"{name}.{key}": one for key, one in value.items()}
         else:
             found[name] = value
-    if boxes := found.pop("boxes"):
+    if several := found.pop("sources"):
         found = {key: value for key, value in found.items() if not key.startswith("source.")}
-        found |= {f"source {number}": box for number, box in enumerate(boxes, 1)}
+        found |= {f"source {number}": one for number, one in enumerate(several, 1)}
     return found
 
 

@@ -32,8 +32,8 @@ def feed_of(
 
     `quality` takes those of power quality, `announce` takes voltage events.
     """
-    if config.boxes:
-        alone = [config.of_box(box) for box in config.boxes]
+    if config.sources:
+        alone = [config.of_source(box) for box in config.sources]
         nursery = Nursery()
 
         def make(one: Config, boot: str) -> Feed:

@@ -41,7 +41,7 @@ def applied(config: Config) -> Config:
 
 def check(config: Config) -> None:
     """Raises ValueError that names the first source whose voltage is needed and not known."""
-    sources = [(box.device, box.source) for box in config.boxes] or [(config.device, config.source)]
+    sources = [(box.device, box.source) for box in config.sources] or [(config.device, config.source)]
     for device, source in sources:
         f = source.nominal_frequency
         if not 45 <= f <= 65 and (config.events.enabled or config.quality.enabled):

@@ -226,7 +226,7 @@ class Service:
             "started": rfc3339(self._started),
             "name": to_builtins(self._me),
             "rival": str(self._uplink.name.rival or "") if self._uplink is not None else "",
-            "source": "several" if self.config.boxes else self.config.source.kind,
+            "source": "several" if self.config.sources else self.config.source.kind,
             "rows": self.rows,
             "realtime_refused": self._feed.refused,
             "events": self.config.watched,

@@ -72,6 +72,9 @@ class WebSection(Section):
     """Whether the page takes files of visitors and closes the loop on them; results go to `reports`."""
     files_MB: float = Field(default=500.0, gt=0, le=20_000)
     """Of the files of one visitor at a time; as much again must stay free on the disk."""
+    files_kept: Annotated[int, Field(ge=1)] = 50
+    files_kept_MB: float = Field(default=2_000.0, gt=0)
+    """Number and size of the results of visitors' files in `reports`; beyond either the oldest ones are removed."""
     logs: FileName | None = None
     """Folder of the robot's logs, as for the sidecar."""
     model: FileName | None = None

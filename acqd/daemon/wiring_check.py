@@ -56,7 +56,7 @@ def examine_wiring(
 
 def _correction(config: Config, device: str) -> CorrectionSection:
     """Of the source with this device; the samples are those after it."""
-    found = next((box.source for box in config.boxes if device in box.devices), config.source)
+    found = next((box.source for box in config.sources if device in box.devices), config.source)
     if isinstance(found, WaveformKeys):
         return found.correction
     return CorrectionSection()

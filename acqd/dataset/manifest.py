@@ -7,7 +7,7 @@ from typing import Any
 
 import orjson
 
-from acqd.errors import UserError
+from acqd.errors import InputError, UserError
 
 
 def load_manifest(dataset: Path) -> dict[str, Any]:
@@ -15,9 +15,12 @@ def load_manifest(dataset: Path) -> dict[str, Any]:
     path = dataset / "manifest.json"
     try:
         manifest: dict[str, Any] = orjson.loads(path.read_bytes())
-    except FileNotFoundError:
-        raise UserError(f"{dataset} is not a dataset: it has no manifest.json; acqd dataset build makes one") from None
-    except (OSError, orjson.JSONDecodeError) as error:
+    except (FileNotFoundError, NotADirectoryError):
+        what = "is not a dataset: it has no manifest.json" if dataset.exists() else "no such folder"
+        raise InputError(dataset, f"{what}; acqd dataset build makes a dataset") from None
+    except OSError as error:
+        raise InputError(path, f"cannot be read ({error.strerror}); may this user read it?") from None
+    except orjson.JSONDecodeError as error:
         raise UserError(f"{path} is damaged ({error}); build the dataset again") from None
     needed = {"robot", "description", "step_s", "measured", "recordings", "refused"}
     if not isinstance(manifest, dict) or not needed <= manifest.keys():

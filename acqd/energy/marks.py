@@ -35,6 +35,8 @@ def read_marks(path: Path, kind: str) -> dict[str, Marks]:
     for name in ("time", kind):
         if name not in header:
             raise InputError(path, f"has no column {name}; expected a header with time, {kind} and perhaps device")
+    if twice := [name for name in ("time", kind, "device") if header.count(name) > 1]:
+        raise InputError(path, f"has two columns {twice[0]}; remove one")
     place = {name: header.index(name) for name in ("time", kind, "device") if name in header}
     found: dict[str, list[tuple[int, str]]] = {}
     latest: dict[str, int] = {}
@@ -43,7 +45,7 @@ def read_marks(path: Path, kind: str) -> dict[str, Marks]:
             raise InputError(path, f"line {number}: {len(row)} values, expected {len(header)}")
         device = row[place["device"]].strip() if "device" in place else ""
         of = found.setdefault(device, [])
-        ticks = _ticks(path, number, row[place["time"]])
+        ticks = ticks_of(path, number, row[place["time"]])
         if device in latest and ticks <= latest[device]:
             raise InputError(path, f"line {number}: time does not rise; sort the rows, and give every time once")
         latest[device], value = ticks, row[place[kind]].strip()
@@ -57,7 +59,8 @@ def read_marks(path: Path, kind: str) -> dict[str, Marks]:
     }
 
 
-def _ticks(path: Path, number: int, text: str) -> int:
+def ticks_of(path: Path, number: int, text: str) -> int:
+    """100 ns since 1970 of a time with an offset. Raises InputError, naming the line."""
     try:
         moment = datetime.fromisoformat(text.strip())
     except ValueError:

@@ -55,6 +55,10 @@ def read_series(path: Path, unit: str) -> Series:
     return Series(path, np.array(start, dtype=np.int64), tuple(values), start[-1] + _steps(path, start))
 
 
+_MOST = 100_000.0
+"""EUR per MWh, g per kWh: beyond, something else was exported."""
+
+
 def _time(path: Path, number: int, row: list[str]) -> int:
     try:
         moment = datetime.fromisoformat(row[0].strip())
@@ -73,9 +77,12 @@ def _value(path: Path, number: int, row: list[str], delimiter: str) -> Fraction:
     cell = row[1].strip()
     text = cell.replace(",", ".") if delimiter == ";" and cell.count(",") == 1 and "." not in cell else cell
     try:
-        return Fraction(text)
-    except (ValueError, ZeroDivisionError):
+        value = float(text)
+    except ValueError:
         raise InputError(path, f"line {number}: value {cell!r:.40} is not a number") from None
+    if not abs(value) <= _MOST:
+        raise InputError(path, f"line {number}: value {cell!r:.40} is no price; expected {-_MOST:.0f} to {_MOST:.0f}")
+    return Fraction(repr(value))  # as written: a float has 15 decimals of its own
 
 
 def _steps(path: Path, start: list[int]) -> int:

@@ -16,7 +16,7 @@ from pydantic import Field, ValidationError
 
 from acqd.energy.periods import parse_shifts, zone_of
 from acqd.energy.price_series import Series, read_series
-from acqd.errors import InputError, UserError
+from acqd.errors import InputError, UserError, in_our_words
 from acqd.section import FileName, Section
 
 _DAYS = ("mon", "tue", "wed", "thu", "fri", "sat", "sun")
@@ -145,7 +145,7 @@ def load_tariff(path: Path, zone: str | None = None) -> Tariff:
         raise InputError(path, f"is not TOML: {error}") from None
     except ValidationError as error:
         first = error.errors()[0]
-        raise InputError(path, f"{'.'.join(map(str, first['loc']))}: {first['msg']}") from None
+        raise InputError(path, f"{'.'.join(map(str, first['loc']))}: {in_our_words(first['msg'])}") from None
     try:
         return _tariff(path, given, zone)
     except InputError:

@@ -17,7 +17,8 @@ from importlib import metadata
 from pathlib import Path
 from typing import IO
 
-from acqd.daemon.config import Config, load_config
+from acqd.daemon.config import Config
+from acqd.daemon.config_file import load_config
 from acqd.errors import OperationError, UserError
 from acqd.installation.backup_file import Entry, Manifest, Writer, writing
 from acqd.installation.plan import CONFIGURATION

@@ -15,7 +15,7 @@ from typing import IO, Annotated
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError
 
-from acqd.errors import InputError, OperationError
+from acqd.errors import InputError, OperationError, in_our_words
 
 _MANIFEST, _FILES = "manifest.json", "files"
 _CHUNK, _LARGEST_MANIFEST = 1 << 20, 64 << 20
@@ -158,7 +158,7 @@ def _reading(path: Path) -> Iterator[tarfile.TarFile]:
         with tarfile.open(path, "r:gz") as tar:
             yield tar
     except FileNotFoundError as error:
-        raise InputError(error.filename or path, "does not exist") from None
+        raise InputError(error.filename or path, "does not exist; expected a file of acqd service backup") from None
     except (tarfile.TarError, EOFError, ValueError, zlib.error) as error:
         raise InputError(path, f"{_BROKEN} ({error})") from None
     except OSError as error:  # gzip.BadGzipFile has no number
@@ -173,7 +173,7 @@ def _parsed(text: bytes, path: Path) -> Manifest:
     except ValidationError as error:
         fault = error.errors()[0]
         where = ".".join(str(part) for part in fault["loc"])
-        raise InputError(path, f"its manifest cannot be understood ({where}: {fault['msg']})") from None
+        raise InputError(path, f"its manifest cannot be understood ({where}: {in_our_words(fault['msg'])})") from None
     if manifest.format != Manifest.model_fields["format"].default:
         raise InputError(path, f"was written by a newer acqd ({manifest.version}); restore it with that version")
     return manifest

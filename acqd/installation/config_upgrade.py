@@ -15,7 +15,7 @@ import tomlkit
 from tomlkit.exceptions import TOMLKitError
 from tomlkit.items import Table
 
-from acqd.daemon.config import parsed_config, read_toml
+from acqd.daemon.config_file import parsed_config, read_toml
 from acqd.daemon.config_values import differences
 from acqd.daemon.earlier_files import place_of_tariff, without_effect
 from acqd.errors import InputError

@@ -10,7 +10,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from acqd.daemon.config import Config, parsed_config, read_toml
+from acqd.daemon.config import Config
+from acqd.daemon.config_file import parsed_config, read_toml
 from acqd.daemon.config_values import shown, values_of
 from acqd.errors import InputError
 from acqd.installation.plan import LOGINS

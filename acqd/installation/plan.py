@@ -35,7 +35,7 @@ SERVICES = {
     "web": Service(("acqd-web.service",), "acqd-web.service", "web"),
     "alarms": Service(("acqd-alarms.service",), "acqd-alarms.service", "bridge"),
     "opcua": Service(("acqd-opcua.service",), "acqd-opcua.service", "bridge"),
-    **{f"bridge-{kind}": _bridge(kind) for kind in ("homeassistant", "influx", "plain", "sparkplug")},
+    **{f"bridge-{kind}": _bridge(kind) for kind in ("homeassistant", "influx", "marks", "plain", "sparkplug")},
 }
 LOGINS = {"sink": SINK, "sidecar": SIDECAR, "web": VIEWER, "bridge": BRIDGE, "operator": OPERATOR}
 """Users at the broker besides the device, by key of [mqtt]."""

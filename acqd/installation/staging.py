@@ -10,7 +10,7 @@ from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from acqd.daemon.config import parsed_config, read_toml
+from acqd.daemon.config_file import parsed_config, read_toml
 from acqd.errors import InputError, OperationError
 from acqd.installation.backup import STATE
 from acqd.installation.backup_file import Entry, Manifest, extract

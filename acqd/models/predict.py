@@ -86,7 +86,11 @@ def predict(bundle: Bundle, model: Predictor, log: RobotLog) -> Prediction:
     for first, end in _without_gaps(grid, time):
         P[first:end] = model.recording(q[first:end], None if signals is None else signals[first:end])
     if not np.isfinite(P).any():
-        raise InputError(log.path, f"has fewer than {_MIN_ROWS} rows between gaps of {_GAP_S} s: nothing to predict")
+        apart = float(np.median(np.diff(time)))
+        unit = "; is time in ms? Write s" if 1 <= apart < 1_000 else ""
+        raise InputError(
+            log.path, f"rows are {apart:.3g} s apart; expected {_GAP_S} s at most, to predict between them{unit}"
+        )
     outside = Envelope.from_json(bundle.metadata["envelope"]).outside(q, step)
     if outside.mean() > 0.5 and np.abs(q).max() > 2 * np.pi:
         raise UserError(f"{log.path}: angles reach {np.abs(q).max():.0f}: are they degrees? Expected radians")

@@ -33,6 +33,8 @@ class Heard:
     """As `acqd alarms` publishes them; None: it has never run on this broker."""
     faults: dict[str, dict[str, str]] = field(default_factory=dict)
     """What is wrong by the status of a daemon."""
+    earlier: dict[tuple[str, str], Status] = field(default_factory=dict)
+    """The last status of those that are offline, by "daemons" or "sinks" and name, where known."""
     _of: Daemons = field(default_factory=Daemons)
 
     def take(self, topic: str, payload: bytes) -> None:
@@ -47,6 +49,12 @@ class Heard:
             case _ if topic == ACTIVE:
                 content = _json(payload)
                 self.alarms = [each for each in content if isinstance(each, dict)] if isinstance(content, list) else []
+
+    def remember(self, kind: str, name: str, status: Status) -> None:
+        """Know what a daemon or a sink, which is offline now, once said."""
+        self.earlier[kind, name] = status
+        if kind == "daemons":
+            self._of.take(name, orjson.dumps(status))
 
     def daemon_of(self, device: str) -> str | None:
         """The daemon that meters a device; None: no daemon has named it."""

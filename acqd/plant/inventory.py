@@ -18,7 +18,7 @@ class Installed:
     name: str
     online: bool
     host: str
-    """"" where an offline one, or an earlier version, does not say."""
+    """"" where an earlier version does not say, or an offline one was never heard."""
     version: str
     since: str
     """Start of the process, RFC 3339."""
@@ -36,8 +36,20 @@ HEADER = ("kind", "name", "state", "host", "version", "running since", "devices"
 
 def inventory(heard: Heard) -> list[Installed]:
     """Everything that has ever announced itself on the broker, by name."""
-    daemons = [_daemon(name, status, heard.faults.get(name, {})) for name, status in sorted(heard.daemons.items())]
-    return _marked([*daemons, *(_sink(name, status) for name, status in sorted(heard.sinks.items()))])
+    found = [
+        *(_daemon(name, status, heard.faults.get(name, {})) for name, status in sorted(heard.daemons.items())),
+        *(_sink(name, status) for name, status in sorted(heard.sinks.items())),
+    ]
+    return _marked([each if each.online else _as_remembered(each, heard) for each in found])
+
+
+def _as_remembered(one: Installed, heard: Heard) -> Installed:
+    """An offline process with what it said when it ran, where this computer has heard that."""
+    last = heard.earlier.get((f"{one.kind}s", one.name))
+    if last is None:
+        return one
+    known = _daemon(one.name, last, {}) if one.kind == "daemon" else _sink(one.name, last)
+    return replace(known, online=False, since="", remarks=("as heard before it went offline",))
 
 
 def cells(one: Installed) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from acqd import section
-from acqd.errors import InputError
+from acqd.errors import InputError, in_our_words
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -47,7 +47,7 @@ def complaint(fault: object) -> str:
         return f"{key}: there is no such key; is it misspelt, or in the wrong table?"
     if fault["type"] == "missing":
         return f"{key} is missing"
-    message = fault["msg"].removeprefix("Value error, ")
+    message = in_our_words(fault["msg"])
     if isinstance(fault["input"], dict | BaseModel):  # the message names the key; the rest of the table says nothing
         return f"{key}: {message}"
     return f"{key}: {message} (got {fault['input']!r:.60})"

@@ -92,9 +92,9 @@ class Doubt:
         left = float(np.mean((rest - rest[near]) ** 2) / 2) * BLOCK_S
         change = power - power[near]
         expected = np.einsum("nc,cd,nd->n", change, factors, change) + 2 * left / BLOCK_S
-        scores = np.sort(np.abs(error - error[near]) / np.sqrt(np.maximum(expected, 1e-12)))
-        at = min(int(np.ceil(LEVEL * (len(scores) + 1))) - 1, len(scores) - 1)
-        return cls(names, factors, left, max(_NORMAL, float(scores[at])), len(error), len(set(owner.tolist())))
+        scores = np.abs(error - error[near]) / np.sqrt(np.maximum(expected, 1e-12))
+        width = max(_NORMAL, float(np.quantile(scores, LEVEL)))
+        return cls(names, factors, left, width, len(error), len(set(owner.tolist())))
 
     def half_width(self, before: Use, after: Use, unlike_s: float) -> float:
         """Half the width of the 90 % interval of a saving, J; `unlike_s` as in `Cycle.unlike_s`."""

@@ -63,6 +63,8 @@ def load_waveform(path: Path, given: ChannelMap | None = None) -> Waveform:
 
 def load_recording(path: Path, given: ChannelMap) -> Recording:
     """Read a file as channels and a clock, before anybody decides which are metered. Raises InputError."""
+    if path.is_dir():
+        raise InputError(path, "is a folder; expected a waveform file in it")
     ending = path.suffix.lower()
     if ending in _ELSEWHERE:
         raise InputError(path, _ELSEWHERE[ending])
@@ -72,8 +74,6 @@ def load_recording(path: Path, given: ChannelMap) -> Recording:
         raise InputError(path, f"unknown kind of waveform file; known endings: {known}")
     if not path.exists():
         raise InputError(path, "no such file")
-    if path.is_dir():
-        raise InputError(path, "is a folder, expected a waveform file")
     if path.stat().st_size == 0:
         raise InputError(path, "is empty")
     try:

@@ -7,8 +7,6 @@ files themselves are not kept.
 from __future__ import annotations
 
 import asyncio
-import contextlib
-import io
 import re
 import shutil
 import time
@@ -18,41 +16,22 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-import numpy as np
 import orjson
 
-from acqd.errors import InputError, UserError
+from acqd.errors import UserError
 from acqd.extras import LOOP, require
-from acqd.robot.bag import is_bag
-from acqd.robot.description import RobotDescription, load_description
-from acqd.robot.log_layout import layout_of
-from acqd.robot.table import Table, text_of
-from acqd.robot.table_text import joined, text_tables
+from acqd.robot.description import load_description
 from acqd.web.commands import Commands, one_line, password_of, without_password
 from acqd.web.dropped import SILENT_S, Dropped
+from acqd.web.kept_results import remove_oldest
+from acqd.web.recognition import Seen, companions, figures_of, kind_of, logs_have_power, readable_name
 from acqd.web.settings import WebSettings
 from acqd.web.work_folder import WorkFolder, remove_left
 
-_HEAD_BYTES = 1 << 16
 _USUAL_ROBOT = "iiwa7_r800"
-_ROWS = {".jsonl", ".ndjson", ".sqlite", ".sqlite3", ".db"}
-_TEXT = {".csv", ".log", ".txt"}
-"""Of logs; with another suffix `acqd dataset build` passes a log over."""
-_POWER_IN_LOGS = {"power", "actual_robot_voltage", "P"}
 _VISITS = 100
 _OPTION = re.compile(r"(?<!\S)--[a-z]")
 _FOLDERS = re.compile(r"(?<![\w.:/])/(?:[\w.+-]+/)+")
-_COMPANIONS = {".cfg": ".dat"}
-"""Files that belong to another of the same name."""
-
-
-@dataclass(slots=True)
-class Seen:
-    """A file and what was seen in it."""
-
-    name: str
-    kind: Literal["", "waveform", "power", "log", "part", "unknown"] = ""
-    says: str = ""
 
 
 @dataclass(slots=True)
@@ -72,6 +51,8 @@ class FilesState:
     files: list[Seen] = field(default_factory=list)
     pages: list[str] = field(default_factory=list)
     """Of dataset and result, those that exist."""
+    removed: int = 0
+    """Earlier results that had to go for this one."""
 
 
 class Files:
@@ -89,6 +70,7 @@ class Files:
         self.state = FilesState()
         if self._section.files and self._section.reports is not None:
             remove_left(self._section.reports)
+            self._bound()
 
     @property
     def running(self) -> bool:
@@ -184,6 +166,7 @@ class Files:
             if state == "done" and self.state.pages:
                 shutil.rmtree(self._work / "in", ignore_errors=True)
                 self._folder.keep()
+                self.state.removed = self._bound()
             else:
                 self._folder.remove()
             self._folder = None
@@ -191,18 +174,19 @@ class Files:
             self._ended.append(self.state.visit)
         self.state.state, self.state.error, self.state.ended = state, error, time.time()
 
+    def _bound(self) -> int:
+        assert self._section.reports is not None
+        return len(remove_oldest(self._section.reports, self._section.files_kept, 1e6 * self._section.files_kept_MB))
+
     async def _look(self) -> None:
         """Say of every file what it is."""
-        names = {each.name for each in self.state.files}
-        parts = {
-            f"{Path(name).stem}{part}" for name in names for whole, part in _COMPANIONS.items() if name.endswith(whole)
-        }
+        parts = companions({each.name for each in self.state.files})
         robot = await asyncio.to_thread(load_description, self._section.robot or _USUAL_ROBOT)
         for seen in self.state.files:
             path = self._work / "in" / seen.name
             if seen.name in parts:
                 seen.kind, seen.says = "part", "belongs to the other file of this name"
-            elif kind := await asyncio.to_thread(_plain_kind, path, robot):
+            elif kind := await asyncio.to_thread(kind_of, path, robot):
                 seen.kind = kind
                 seen.says = "rows of power" if kind == "power" else f"a log of {robot.name}"
             else:
@@ -226,7 +210,7 @@ class Files:
                 "unknown",
                 f"no log of {self._section.robot or _USUAL_ROBOT}, and no waveform: {self._plain(str(error))}",
             )
-        return "waveform", await asyncio.to_thread(_figures, out, found)
+        return "waveform", await asyncio.to_thread(figures_of, out, found)
 
     def _plain(self, text: str) -> str:
         """A message without the folders of this computer, and where options are those of the command line."""
@@ -247,7 +231,7 @@ class Files:
         folder = self._work / "logs"
         folder.mkdir()
         for name in logs:
-            (self._work / "in" / name).rename(folder / _readable(name))
+            (self._work / "in" / name).rename(folder / readable_name(name))
         try:
             await self._build(folder)
             if self._section.model is not None:
@@ -273,7 +257,7 @@ class Files:
         """Where the power of logs is that came alone: in the database of the page, or in the logs."""
         database = self._settings.database
         there = "://" in database or Path(database).exists()
-        return without_password(database) if there and not _logs_have_power(logs) else "log"
+        return without_password(database) if there and not logs_have_power(logs) else "log"
 
     async def _loop(self) -> None:
         self._told("search", 0.0)
@@ -286,68 +270,3 @@ class Files:
 
     def _told(self, step: str, share: float) -> None:
         self.state.step, self.state.share = step, share
-
-
-def _readable(name: str) -> str:
-    """A name by which a log is read."""
-    path = Path(name)
-    return name if path.suffix in (*_TEXT, ".parquet") or is_bag(path) else f"{name}.csv"
-
-
-def _beginning(path: Path) -> Table:
-    """The first rows of a table, of Parquet the names of the columns. Raises UserError, OSError, ValueError."""
-    if path.suffix == ".parquet":
-        require("Parquet", ("pyarrow",), "data")
-        import pyarrow.parquet
-
-        names = pyarrow.parquet.read_schema(path).names
-        return Table(names, np.empty((0, len(names))), np.empty(0, np.int64))
-    with path.open("rb") as file:
-        head = file.read(_HEAD_BYTES)
-    whole = len(head) < _HEAD_BYTES
-    if head.startswith((b"\xff\xfe", b"\xfe\xff")):
-        head = head.decode("utf-16", errors="ignore").encode()
-    if b"\0" in head:
-        raise InputError(path, "is no text")
-    head = head if whole else head.rpartition(b"\n")[0]
-    return joined(list(text_tables(path, text_of(path, io.BytesIO(head)))))
-
-
-def _plain_kind(path: Path, robot: RobotDescription) -> Literal["power", "log", ""]:
-    """A log by its columns, power by its ending or as another table with P and time; "" for another file."""
-    if path.suffix in _ROWS:
-        return "power"
-    if is_bag(path):
-        return "log"
-    with contextlib.suppress(UserError, OSError, ValueError):
-        table = _beginning(path)
-        if layout_of(table, robot):
-            return "log"
-        names = set(table.header or ())
-        return "power" if "P" in names and {"time", "filetime"} & names else ""
-    return ""
-
-
-def _logs_have_power(logs: Path) -> bool:
-    """Whether the logs have columns of power themselves."""
-    with contextlib.suppress(UserError, OSError, ValueError):
-        return all(not is_bag(path) and _POWER_IN_LOGS & set(_beginning(path).header or ()) for path in logs.iterdir())
-    return False
-
-
-def _figures(rows: Path, found: dict[str, Any]) -> str:
-    """Mean power and energy of metered rows: of the total, else of L1."""
-    powers: dict[str, list[float]] = {"total": [], "L1": []}
-    energies: dict[str, float] = {}
-    with rows.open("rb") as lines:
-        for line in lines:
-            row = orjson.loads(line)
-            if row["channel"] in powers and row["P"] is not None:
-                powers[row["channel"]].append(row["P"])
-                energies[row["channel"]] = row["W"] or 0.0
-    seconds = found["samples"] / found["rate"] if found.get("rate") else 0.0
-    channel = "total" if powers["total"] else "L1"
-    chosen = powers[channel]
-    if not chosen:
-        return f"{seconds:.3g} s: no window of 40 ms is complete"
-    return f"{seconds:.3g} s metered: mean power {np.mean(chosen):.5g} W, {1000 * energies[channel]:.4g} Wh"

@@ -9,6 +9,7 @@ from rich import markup
 
 from acqd.cli.commands import command_tree
 from tests.commands import acqd_here
+from tests.places import ROOT
 
 
 def names(app):
@@ -29,6 +30,12 @@ def test_a_command_line_has_the_command_that_it_starts_with():
         assert names(command_tree([name, "--json"])) == {name}
     for line in ([], ["--help"], ["--version"], ["snik"]):
         assert names(command_tree(line)) == everything
+
+
+def test_the_readme_has_every_command():
+    lines = (ROOT / "README.md").read_text().splitlines()
+    shown = {word.split()[0] for line in lines if line.startswith("| `acqd ") for word in line.split("`acqd ")[1:]}
+    assert names(command_tree()) <= {word.strip("`,") for word in shown}
 
 
 def test_help_fits_a_terminal_and_is_in_the_order_of_work():

@@ -138,13 +138,17 @@ def test_an_error_of_the_system_says_where_it_was_met(tmp_path, monkeypatch, cap
     def lost(*_: object) -> None:
         raise OSError(errno.EINVAL, os.strerror(errno.EINVAL))
 
-    for work, words in (
-        (lambda: (tmp_path / "none").read_bytes(), [f"{tmp_path / 'none'}: No such file"]),
-        (lambda: private("x", 0), ["Invalid argument", "in private (acqd/atomic.py, line "]),
-        (lost, ["Invalid argument", "in for_people"]),
+    for work, code, words in (
+        (
+            lambda: (tmp_path / "none").read_bytes(),
+            2,
+            [f"{tmp_path / 'none'}: No such file or directory; check the path"],
+        ),
+        (lambda: private("x", 0), 1, ["Invalid argument", "in private (acqd/atomic.py, line "]),
+        (lost, 1, ["Invalid argument", "in for_people"]),
     ):
         with monkeypatch.context() as patch, pytest.raises(SystemExit) as end:
             patch.setattr(os, "open", lost)
             for_people(work)
         said = capsys.readouterr().err
-        assert end.value.code == 1 and said.count("\n") == 1 and all(word in said for word in words), said
+        assert end.value.code == code and said.count("\n") == 1 and all(word in said for word in words), said

@@ -71,7 +71,8 @@ def test_config_init_writes_a_file_that_the_daemon_takes(tmp_path):
     done = acqd_here("config", "init", cwd=tmp_path)
     assert done.returncode == 0 and "acqd run --config acqd.toml" in done.stdout
     assert "exists" in refused(acqd_here("config", "init", cwd=tmp_path))
-    from acqd.daemon.config import Config, load_config
+    from acqd.daemon.config import Config
+    from acqd.daemon.config_file import load_config
 
     assert load_config(tmp_path / "acqd.toml").model_dump(exclude={"state_dir"}) == Config().model_dump(
         exclude={"state_dir"}

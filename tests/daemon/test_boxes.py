@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acqd.daemon.config import load_config
+from acqd.daemon.config_file import load_config
 from acqd.daemon.health.query import ask
 from acqd.daemon.health.section import HealthSection
 from acqd.errors import InputError
@@ -179,6 +179,7 @@ def test_no_source_at_all_ends_the_daemon(tmp_path):
         (ONE + "[source]\nphases = 1\n", "several sources are all written as [[source]]"),
         (ONE + "correction = { igain = [1.0] }\n", "did you mean source.correction.i_gain"),
         ("[[boxes]]\ndevice = 'a'\n", "written as [[source]]"),
+        ("[[sources]]\ndevice = 'a'\n", "unknown key sources; several sources are written as [[source]]"),
     ],
 )
 def test_mistakes_name_the_source(tmp_path, text, complaint):

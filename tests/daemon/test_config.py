@@ -10,7 +10,9 @@ import tomllib
 import pytest
 from pydantic import BaseModel
 
-from acqd.daemon.config import Config, known_keys, load_config
+from acqd.daemon.config import Config
+from acqd.daemon.config_complaint import known_keys
+from acqd.daemon.config_file import load_config
 from acqd.daemon.device_section import WaveformKeys
 from acqd.daemon.source_sections import SECTIONS
 from acqd.errors import InputError
@@ -76,11 +78,11 @@ MISTAKES = {
     "[metring]\n": "unknown key metring; did you mean metering?",
     "[sorce]\n": "unknown key sorce; did you mean source?",
     "port = 1884\n": "unknown key port; did you mean source.port or mqtt.port or",
-    "[source]\npower_factor = true\n": "source.power_factor: Input should be a valid number (got true)",
-    "[source]\nvoltage = '230'\n": "source.voltage: Input should be a valid number (got '230')",
-    "[source]\nphases = 2.0\n": "source.phases: Input should be a valid integer (got 2.0)",
-    "[events]\nenabled = 'no'\n": "events.enabled: Input should be a valid boolean (got 'no')",
-    "[source.harmonics]\n5 = true\n": "source.harmonics.5: Input should be a valid number (got true)",
+    "[source]\npower_factor = true\n": "source.power_factor: expected a number (got true)",
+    "[source]\nvoltage = '230'\n": "source.voltage: expected a number (got '230')",
+    "[source]\nphases = 2.0\n": "source.phases: expected a whole number (got 2.0)",
+    "[events]\nenabled = 'no'\n": "events.enabled: expected a boolean (got 'no')",
+    "[source.harmonics]\n5 = true\n": "source.harmonics.5: expected a number (got true)",
     "[metering]\nmod = 'fixed'\n": "unknown key metering.mod; did you mean metering.mode",
     "[metering]\nmode = 'sync'\n": "metering.mode",
     "[mqtt]\nport = 99999\n": "mqtt.port",
@@ -144,7 +146,8 @@ def test_a_new_integration_brings_its_table(tmp_path):
 from pathlib import Path
 import acqd.integrations
 acqd.integrations.__path__.append({str(tmp_path)!r})
-from acqd.daemon.config import Config, load_config
+from acqd.daemon.config import Config
+from acqd.daemon.config_file import load_config
 from acqd.integrations.doors.section import Doors
 print(load_config(Path("c.toml")).table(Doors).open_s, Config().table(Doors).open_s)
 try:

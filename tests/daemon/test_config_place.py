@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from acqd.daemon import config_place
-from acqd.daemon.config import load_config
+from acqd.daemon.config_file import load_config
 from acqd.errors import UserError
 from acqd.storage.database import open_database
 from acqd.telemetry.broker import free_port

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from acqd.daemon.config import load_config
+from acqd.daemon.config_file import load_config
 from acqd.errors import InputError
 from acqd.installation.config_upgrade import planned
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from acqd.daemon.config import load_config
+from acqd.daemon.config_file import load_config
 from acqd.errors import InputError, UserError
 from tests.commands import acqd_here
 
@@ -31,7 +31,7 @@ def test_a_certificate_implies_tls(tmp_path, key):
         ('tls = false\nca_file = "x"', "tls is false, but ca_file is set"),
         ('key_file = "x"', "key_file is set without cert_file"),
         ('username = "u"\npassword = "hunter2"\npassword_file = "x"', "delete one of the two"),
-        ("password = 42", "mqtt.password: Input should be a valid string"),
+        ("password = 42", "mqtt.password: expected a string"),
         ('password = ["hunter2"]', "mqtt.password"),
         ('password = {is = "hunter2"}', "mqtt.password"),
         ("username = true\npassword = 'hunter2'", "mqtt.username"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from acqd.daemon.config import load_config
+from acqd.daemon.config_file import load_config
 from acqd.daemon.nominal import applied
 from acqd.errors import InputError
 
@@ -21,7 +21,7 @@ def config(folder, text):
 
 def voltages(loaded):
     """Of events and of metering, by device."""
-    boxes = [applied(loaded.of_box(box)) for box in loaded.boxes]
+    boxes = [applied(loaded.of_source(box)) for box in loaded.sources]
     return {box.device: (box.events.declared_voltage, box.metering.nominal_voltage) for box in boxes}
 
 

@@ -28,6 +28,21 @@ def works(tmp_path_factory):
     return folder
 
 
+def test_postgresql_gives_the_same_as_sqlite(works, postgres):
+    """Eight minutes around the gap."""
+    rows = [row(k, "total", t=BEGIN + k, P=3600.0, W=0.001 * k) for k in range(420, 900) if not 600 <= k < 700]
+    Writer(open_database(postgres)).write([message(one) for one in rows])
+    marks = works / "sql.csv"
+    marks.write_text(f"time,device,part\n{shown(0)},cell1,gear\n{shown(650)},cell1,shaft\n")
+    span = ("--by", "part", "--marks", marks, "--zone", "UTC", "--from", shown(420), "--to", shown(900), "--json")
+    one, other = (
+        json.loads(acqd_here("energy", "--database", database, *span).stdout)["devices"][0]
+        for database in (postgres, works / "p.sqlite")
+    )
+    assert one["values"] == other["values"] and one["register_nWh"] == other["register_nWh"] == 479 * 10**9
+    assert one["over_gaps_nWh"] == other["over_gaps_nWh"] == 101 * 10**9
+
+
 def shown(at):
     return datetime.fromtimestamp(BEGIN + at, UTC).isoformat()
 
@@ -77,6 +92,7 @@ def test_a_gap_within_a_part_belongs_to_it_and_prices_are_those_of_the_time(work
 @pytest.mark.parametrize(
     ("text", "why"),
     [("time,part\n2026-11-23T06:00,gear\n", "line 2: time '2026-11-23T06:00' has no offset"),
+     ("time,part,Part\n2026-11-23T06:00Z,a,b\n", "has two columns part"),
      ("time,what\n", "has no column part"), ("time,part\n", "has no lines"),
      ("time,part\n2026-11-23T06:00Z,a\n2026-11-23T06:00Z,b\n", "line 3: time does not rise"),
      ("time,part,device\n2026-11-23T06:00Z,a,x\n", "has lines of x"),
@@ -99,3 +115,24 @@ def test_by_part_without_marks_says_what_is_needed(works):
     assert "--marks FILE.csv" in refused(acqd_here("energy", "--database", works / "p.sqlite", "--by", "part"))
     words = ("energy", "--database", works / "p.sqlite", "--by", "day", "--marks", works / "m.csv")
     assert "goes with --by" in refused(acqd_here(*words))
+
+
+def test_the_page_has_every_value_and_the_check_of_the_sums(works, tmp_path):
+    page = tmp_path / "p.html"
+    done = ask(works, [(0, "gear <b>"), (300.5, "shaft"), (650, "shaft 2"), (1000, "")], "--html", page)
+    text = page.read_text()
+    assert f"written: {page}" in done.stdout and "gear &lt;b&gt;" in text and "<svg" in text and "over gaps" in text
+    assert "simulated" in text.lower() and "1.799" in text
+
+
+def test_marks_of_the_bridge_are_those_of_the_configuration(works, tmp_path):
+    (tmp_path / "m.csv").write_text(f"time,device,program,step,part,state\n{shown(0)},cell1,p,1,gear,\n")
+    (tmp_path / "acqd.toml").write_text(
+        f"[sink]\ndatabase = '{works / 'p.sqlite'}'\n[marks]\nfile = '{tmp_path / 'm.csv'}'\n"
+    )
+    span = ("--zone", "UTC", "--from", "2026-11-23T06:00", "--to", "2026-11-23T06:30")
+    for by, value in (("part", "gear"), ("step", "1"), ("program", "p")):
+        done = acqd_here("energy", "--config", tmp_path / "acqd.toml", "--by", by, *span, "--json")
+        ((only,),) = [each["values"] for each in json.loads(done.stdout)["devices"]]
+        assert only["value"] == value
+    assert "cell1" in acqd_here("energy", "--config", tmp_path / "acqd.toml", "--by", "day", *span).stdout

@@ -126,7 +126,10 @@ def test_a_page_with_pictures_says_simulated(filled, tmp_path):
 TARIFFS = {
     '[[time_of_use]]\nprice = 0.3\nhours = "06:00-22:00"\n': "no price for mon 00:00",
     '[[time_of_use]]\nprice = 0.3\n[[time_of_use]]\nprice = 0.2\ndays = "sun"\n': "both give a price for sun 00:00",
-    "price = 0.3\nprise = 0.2\n": "prise",
+    "price = 0.3\nprise = 0.2\n": "prise: there is no such key",
+    "price = '0.3'\n": "price: expected a number",
+    '[series]\nfile = "huge.csv"\nunit = "EUR/MWh"\n': "line 2: value '1e400' is no price",
+    '[series]\nfile = "tiny.csv"\nunit = "EUR/MWh"\n': "no value at",  # and no fraction of 10^9 digits
     'zone = "Europe/Atlantis"\nprice = 0.3\n': "Europe/Atlantis",
     '[series]\nfile = "hole.csv"\nunit = "EUR/MWh"\n': "fill the hole",
     '[series]\nfile = "order.csv"\nunit = "EUR/MWh"\n': "does not rise",
@@ -154,6 +157,8 @@ def rolled_up(tmp_path_factory):
         "hole": ("2026-10-20T00:00Z,1", "2026-10-20T01:00Z,1", "2026-10-20T03:00Z,1"),
         "order": ("2026-10-20T01:00Z,1", "2026-10-20T00:00Z,1"),
         "wide": ("1" * 140_000,),
+        "huge": ("2026-10-20T00:00Z,1e400",),
+        "tiny": ("2026-10-19T20:00Z,1e-999999999", "2026-10-19T21:00Z,1"),
         "naive": ("2026-10-20T00:00,1",),
         "short": ("2026-10-19T20:00Z,1", "2026-10-19T21:00Z,1", "2026-10-19T22:00Z,100"),
         "days": [f"{datetime.fromtimestamp(begin + 900 + 3600 * k, UTC).isoformat()},{k}" for k in range(270)],
@@ -194,7 +199,7 @@ def test_day_ahead_prices_and_the_day_of_25_hours(rolled_up):
     ("words", "said"),
     [
         (("--by", "decade"), "expected hour, day"),
-        (("--by", "step"), "needs --marks FILE.csv (docs/energy.md), or the robot's logs: acqd energy work DS"),
+        (("--by", "step"), "needs marks: --marks FILE.csv, or [marks] file of acqd bridge marks"),
         (("--by", "shift"), "needs --shifts"),
         (("--zone", "Mars/Base"), "Mars/Base"),
         (("--from", "2026-10-25T02:30", "--zone", "Europe/Berlin"), "exists twice"),

@@ -8,7 +8,7 @@ import tomllib
 
 import pytest
 
-from acqd.daemon.config import load_config
+from acqd.daemon.config_file import load_config
 from acqd.installation.plan import LOGINS, configuration
 from acqd.integrations.alarms.section import AlarmsSection
 from tests.commands import acqd_here, refused

@@ -11,7 +11,7 @@ import subprocess
 import aiomqtt
 import pytest
 
-from acqd.daemon.config import load_config
+from acqd.daemon.config_file import load_config
 from acqd.installation.broker_access import password_line
 from acqd.installation.plan import LOGINS, SERVICES
 from tests.commands import acqd_here, refused

@@ -14,6 +14,7 @@ import orjson
 import pytest
 
 from acqd.integrations.alarms.book import Book
+from acqd.integrations.alarms.history import History, read_history
 from acqd.integrations.alarms.section import AlarmsSection
 from acqd.integrations.alarms.sender import Sender
 from acqd.integrations.alarms.service import Alarms
@@ -23,7 +24,7 @@ from acqd.integrations.bridge import Relay
 from acqd.retry import RetryPolicy
 from acqd.telemetry.broker import free_port
 from acqd.telemetry.mqtt import BrokerAddress
-from tests.commands import acqd_here
+from tests.commands import acqd_here, refused
 from tests.integrations.messages import status
 from tests.waiting import finish, until, wait_for
 
@@ -48,6 +49,42 @@ class Desk:
         del told
         messages = list(self.watch.take(*message) if message else self.watch.tick())
         return self.told, messages
+
+
+def test_the_history_says_from_when_until_when_and_who(tmp_path):
+    path, now_s = tmp_path / "a.history.jsonl", 1_800_000_000
+    book, history = Book(remind_s=10.0), History(path, most=4)
+
+    def told(notifications, after_s):
+        for each in notifications:
+            history.add(each, (now_s + after_s) * 10**9)
+
+    told(book.raise_("cell/residual", "changed", now_s * 10**9, "one"), 0)
+    told(book.remind((now_s + 60) * 10**9), 60)
+    told(book.acknowledge("cell/residual", "Ada"), 70)
+    told(book.raise_("cell/residual", "changed again", (now_s + 80) * 10**9, "two"), 80)
+    told(book.raise_("hall/spool", "nearly full", (now_s + 90) * 10**9), 90)
+    told(book.resolve("hall/spool"), 100)
+    with path.open("a") as file:
+        file.write('{"time": "2027-01-15T08:')  # a power cut
+    found = read_history(path)
+    assert [(one["key"], one["since"][14:19], one["resolved"][14:19], one["acknowledged_by"]) for one in found] == [
+        ("hall/spool", "01:30", "01:40", ""), ("cell/residual", "01:20", "", ""),
+        ("cell/residual", "00:00", "01:20", "Ada"),
+    ]  # fmt: skip
+    for k in range(6):
+        told(book.raise_(f"d{k}/disk", "full", (now_s + 200 + k) * 10**9), 200 + k)
+    assert path.read_bytes().count(b"\n") < 8 and read_history(path)[0]["key"] == "d5/disk"
+
+
+def test_the_history_is_a_command(tmp_path):
+    (tmp_path / "acqd.toml").write_text(f"[alarms]\nstate = '{tmp_path / 'a.json'}'\n")
+    asked = ("alarms", "history", "--config", tmp_path / "acqd.toml")
+    assert "a.history.jsonl: no such file" in refused(acqd_here(*asked))
+    with Alarms(AlarmsSection(state=tmp_path / "a.json")) as alarms:
+        list(alarms.watch.take(*RESIDUAL))
+    (alarm,) = json.loads(acqd_here(*asked, "--json").stdout)
+    assert alarm["key"] == "cell/residual" and not alarm["resolved"] and "active" in acqd_here(*asked).stdout
 
 
 def test_a_residual_is_told_once_and_again_when_it_changes():

@@ -17,6 +17,7 @@ from acqd.plant.inventory import inventory
 from acqd.plant.month import month_page, month_range, read_month
 from acqd.plant.page import plant_page
 from acqd.plant.plant import read_plant
+from acqd.plant.remembered import remember
 from acqd.storage.database import open_database, read_database, transaction
 from acqd.storage.schema import power_15min
 from tests.browser import chromium, looks, serious_findings
@@ -33,6 +34,12 @@ def unix(text):
 
 
 NOW = unix("2026-11-26T12:00")
+
+
+@pytest.fixture(autouse=True)
+def home(tmp_path, monkeypatch):
+    """Statuses are remembered there."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
 
 
 @pytest.fixture(scope="module")
@@ -265,6 +272,38 @@ def test_an_inventory_names_what_is_offline_or_old(plant, ask, mosquitto):
     assert hall["remarks"] == ["older than 2.10.0"] and found["s1"]["kind"] == "sink" and found["s1"]["host"] == "db"
     shown = acqd_here("plant", "inventory", "--config", plant / "live.toml")
     assert "4 processes, 3 online, versions: 2.10.0, 2.9.0" in shown.stdout
+
+
+def heard_of(*messages):
+    heard = Heard()
+    for topic, payload in messages:
+        heard.take(topic, payload)
+    return heard
+
+
+def test_what_goes_offline_keeps_host_version_and_devices(tmp_path):
+    file, sink = tmp_path / "new" / "plant.json", "acqd/sink/s1/status"
+    boxes = {"cell-5": {"meters": {"cell-6": {"P": 3.0}}}}
+    hall = status("hall", version="2.9.0", name={"host": "pc-7"}, boxes=boxes, rows=7)
+    remember(heard_of(hall, (sink, b'{"state":"online","version":"2.10.0","host":"db"}')), file)
+    heard = heard_of(("acqd/hall/status", b"offline"), (sink, b"offline"), ("acqd/new/status", b"offline"))
+    assert heard.daemon_of("cell-6") is None
+    remember(heard, file)
+    assert heard.daemon_of("cell-6") == heard.daemon_of("cell-5") == "hall" and heard.daemons["hall"] is None
+    found = {one.name: one for one in inventory(heard)}
+    assert [(found[name].host, found[name].version, found[name].online) for name in ("hall", "s1", "new")] == [
+        ("pc-7", "2.9.0", False), ("db", "2.10.0", False), ("", "", False),
+    ]  # fmt: skip
+    assert found["hall"].devices == ("cell-6",)  # the box has no rows of its own
+    assert "rows" not in file.read_text()  # names only
+
+
+@pytest.mark.parametrize("content", [b"", b"[]", b'{"daemons": 3}', b'{"daemons": {"hall": 4}}'])
+def test_a_damaged_memory_is_none(tmp_path, content):
+    (tmp_path / "plant.json").write_bytes(content)
+    heard = heard_of(("acqd/hall/status", b"offline"))
+    remember(heard, tmp_path / "plant.json")
+    assert [(one.host, one.online) for one in inventory(heard)] == [("", False)]
 
 
 @pytest.mark.parametrize("payload", [b"", b"[]", b"{", b"5", b'{"boxes": 3, "meters": {"a": null}, "name": 4}'])

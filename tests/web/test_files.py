@@ -26,10 +26,10 @@ from acqd.web.commands import Commands as RealCommands
 from acqd.web.commands import password_of, without_password
 from acqd.web.dropped import Dropped
 from acqd.web.files import Files
-from acqd.web.files import _figures as figures_of
-from acqd.web.files import _plain_kind as kind_of
 from acqd.web.files_routes import FilesRoutes
 from acqd.web.job import LoopJob
+from acqd.web.kept_results import remove_oldest
+from acqd.web.recognition import figures_of, kind_of
 from acqd.web.reports import newest_report
 from acqd.web.settings import WebSettings
 from acqd.web.work_folder import WorkFolder, remove_left
@@ -127,6 +127,30 @@ def test_logs_are_built_and_searched_and_only_complete_results_stay(tmp_path):
     assert build[:2] == ["dataset", "build"] and build[build.index("--power") + 1].endswith("/in/rows.csv")
     assert loop[0] == "close-loop"
     assert sorted(path.name for path in (tmp_path / state["folder"]).iterdir()) == ["dataset", "result"]
+
+
+def test_results_are_bounded_by_number_and_size_the_oldest_first(tmp_path):
+    for k in range(1, 6):
+        folder = tmp_path / f"files-2026010{k}T000000Z" / "dataset"
+        folder.mkdir(parents=True)
+        (folder / "report.html").write_bytes(b"x" * 1000)
+    (tmp_path / "payload.loop").mkdir()  # a result of acqd close-loop
+    (tmp_path / "files-20250101T000000Z").symlink_to(tmp_path / "payload.loop")
+    kept = lambda: sorted(path.name[6:14] for path in tmp_path.glob("files-2026*"))  # noqa: E731
+    assert remove_oldest(tmp_path, 5, 1e9) == [] == remove_oldest(tmp_path / "nosuch", 1, 1)
+    assert remove_oldest(tmp_path, 4, 1e9) == ["files-20260101T000000Z"]
+    size = sum(path.lstat().st_size for path in (tmp_path / "files-20260105T000000Z").rglob("*"))
+    assert len(remove_oldest(tmp_path, 50, 2.5 * size)) == 2 and kept() == ["20260104", "20260105"]
+    assert len(remove_oldest(tmp_path, 50, 1.0)) == 1 and kept() == ["20260105"]  # the newest stays, whatever its size
+    assert (tmp_path / "payload.loop").exists() and (tmp_path / "files-20250101T000000Z").exists()
+
+
+def test_a_visit_removes_the_oldest_result_and_says_so(tmp_path):
+    (tmp_path / "files-20200101T000000Z" / "dataset").mkdir(parents=True)
+    files = Files(settings_of(tmp_path, files_kept=1))
+    state = worked(files, Commands(), ("a.csv", LOG), ("rows.csv", ROWS))
+    assert (state["state"], state["removed"]) == ("done", 1)
+    assert [path.name for path in tmp_path.iterdir()] == [state["folder"]]
 
 
 @pytest.mark.parametrize("commands", [Commands(fails="dataset"), Commands(hangs=True)], ids=["refused", "cancelled"])

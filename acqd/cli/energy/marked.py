@@ -24,7 +24,7 @@ _HEADER = ("device", "channel", "value", "visits", "seconds", "missing_s", "kWh"
 
 def marked(
     database: str, wanted: Sequence[str], by: str, path: Path, span: Span, rules: tuple[Path | None, str | None],
-    table: Path | None, *, json: bool,
+    table: Path | None, page: Path | None, *, json: bool,
 ) -> None:  # fmt: skip
     """Read, compute, print. Raises UserError."""
     from acqd.cli.energy.period import ranges
@@ -51,13 +51,19 @@ def marked(
     ]
     if table is not None:
         write_complete(table, _csv(found).encode())
+    if page is not None:
+        from acqd.energy.mark_page import mark_page
+
+        mark_page(found, by, chosen, zone).write(page)
     if json:
-        print(orjson.dumps({"by": by, "devices": [_json(one) for one in found], "csv": table and str(table)}).decode())
+        files = {"csv": table and str(table), "html": page and str(page)}
+        print(orjson.dumps({"by": by, "devices": [_json(one) for one in found], **files}).decode())
         return
     for one in found:
         _print(one, by)
-    if table is not None:
-        print(f"written: {table}")
+    for written in (table, page):
+        if written is not None:
+            print(f"written: {written}")
 
 
 def _json(one: ByMark) -> dict[str, Any]:
@@ -94,20 +100,14 @@ def _csv(found: Sequence[ByMark]) -> str:
 
 
 def _print(one: ByMark, by: str) -> None:
-    from acqd.report.digits import duration
+    from acqd.energy.mark_page import COLUMNS, cells
 
     origin = " (simulated)" if one.simulated else ""
-    shown = Table(by, "visits", "time", "kWh", "kWh a visit", "EUR", "without rows",
-                  title=f"{one.device} {one.channel}{origin}", title_justify="left")  # fmt: skip
+    shown = Table(by, *COLUMNS, title=f"{one.device} {one.channel}{origin}", title_justify="left")
     for column in shown.columns[1:]:
         column.justify = "right"
     for each in one.values:
-        missing = each.seconds - each.known_s
-        cost = "-" if each.cost is None else f"{'>= ' if each.unpriced_nWh else ''}{float(each.cost):.2f}"
-        shown.add_row(
-            each.name or "nothing", str(each.visits), duration(each.seconds), f"{each.kWh:.6f}",
-            f"{each.kWh / each.visits:.6f}", cost, duration(missing) if missing >= 1 else "",
-        )  # fmt: skip
+        shown.add_row(*cells(each))
     console = terminal(tables=True)
     console.print(shown)
     if one.between_nWh:

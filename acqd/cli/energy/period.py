@@ -65,13 +65,13 @@ def energy(
             raise UserError(f"put the options after the subcommand: acqd energy {context.invoked_subcommand} ...")
         return
     check_outputs("acqd energy", csv, html)
-    where, rules = _source(config, database, tariff, zone)
+    where, rules, written = _source(config, database, tariff, zone)
+    if marks is None and by in _MARKED:
+        marks = written
     if marks is not None:
         from acqd.cli.energy.marked import marked
 
-        if html is not None:
-            raise UserError("--marks has no report in HTML; use --csv or --json")
-        marked(where, device or (), by, marks, (begin, to, last, this), rules, csv, json=json)
+        marked(where, device or (), by, marks, (begin, to, last, this), rules, csv, html, json=json)
         return
     bill = _statement(where, device or (), (begin, to, last, this), by, (*rules, shifts))
     if csv is not None:
@@ -93,15 +93,20 @@ def energy(
             print(f"written: {written}")
 
 
+_MARKED = ("program", "step", "part", "state")
+
+
 def _source(
     config: Path | None, database: str | None, tariff: Path | None, zone: str | None
-) -> tuple[str, tuple[Path | None, str | None]]:
-    """The database, and the tariff and zone: those of the configuration, unless another database is named."""
+) -> tuple[str, tuple[Path | None, str | None], Path | None]:
+    """The database, tariff and zone, and the file of marks: those of the configuration, unless a database is named."""
     if database is not None and config is None:
-        return database, (tariff, zone)
+        return database, (tariff, zone), None
+    from acqd.integrations.marks.section import MarksSection
+
     settings = configured(config)
     rules = (tariff or settings.energy.tariff, zone or settings.energy.zone)
-    return database or settings.sink.database, rules
+    return database or settings.sink.database, rules, settings.table(MarksSection).file
 
 
 def _statement(
@@ -117,8 +122,11 @@ def _statement(
     from acqd.storage.database import read_database
 
     split = next((each for each in SPLITS if each == by), None)
-    if by in ("cycle", "program", "step", "part", "state"):
-        raise UserError(f"--by {by} needs --marks FILE.csv (docs/energy.md), or the robot's logs: acqd energy work DS")
+    if by in ("cycle", *_MARKED):
+        raise UserError(
+            f"--by {by} needs marks: --marks FILE.csv, or [marks] file of acqd bridge marks (docs/energy.md); "
+            "of a robot's logs: acqd energy work DS"
+        )
     if split is None:
         raise UserError(f"--by {by!r}: expected {', '.join(SPLITS)}")
     path, zone, shifts = rules

@@ -63,14 +63,15 @@ def execute(
 
 def _serve_live(chosen: LabSettings, file: Path, config: Path | None, *, json: bool) -> None:
     from acqd.cli.serve import announce, demonstration_port, serve
-    from acqd.daemon.config import Config, load_config
+    from acqd.daemon.config import Config
+    from acqd.daemon.config_file import load_config
     from acqd.daemon.source_sections import ReplaySection
     from acqd.lab.single_run import render
 
     with tempfile.TemporaryDirectory(prefix="acqd-live-") as folder:
         path = render(chosen, file, Path(folder))
         daemon = load_config(config) if config else Config.demonstration(demonstration_port())
-        daemon.boxes = []
+        daemon.sources = []
         daemon.source = ReplaySection(kind="replay", file=path)
         daemon.metering.window = chosen.window_s
         if not config:

@@ -10,7 +10,7 @@ from typing import BinaryIO
 from pydantic import ValidationError
 
 from acqd.daemon.events.section import EventsSection, Watched
-from acqd.errors import UserError
+from acqd.errors import UserError, in_our_words
 from acqd.metering.block import SampleBlock, StreamFormat
 from acqd.metering.quality.event import Event
 from acqd.telemetry.event import event_lines, message_of
@@ -46,7 +46,7 @@ def event_settings(
     except ValidationError as error:
         fault = error.errors()[0]
         key = ".".join(map(str, fault["loc"])).replace("_", "-")
-        raise UserError(f"--{key or 'thresholds'}: {fault['msg'].removeprefix('Value error, ')}") from None
+        raise UserError(f"--{key or 'thresholds'}: {in_our_words(fault['msg'])}") from None
     return EventSettings(out, section)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import logging
 import threading
+import time
 from collections.abc import Callable
 from dataclasses import asdict
 from typing import Any
@@ -15,6 +16,7 @@ from acqd.atomic import write_complete
 from acqd.energy.budget import Standing
 from acqd.errors import OperationError
 from acqd.integrations.alarms.book import Alarm, Book, Notification
+from acqd.integrations.alarms.history import History, history_file
 from acqd.integrations.alarms.section import AlarmsSection
 from acqd.integrations.alarms.sender import Sender
 from acqd.integrations.alarms.targets import targets_of
@@ -31,6 +33,7 @@ class Alarms:
         """`budgets` is entered and left with the service."""
         self._path = section.state
         self._book = Book(section.remind_h * 3600)
+        self._history = History(history_file(section.state))
         self._lock = threading.Lock()
         self.sender = Sender(targets_of(section), self.save)
         self._budgets = budgets
@@ -63,6 +66,7 @@ class Alarms:
 
     def _tell(self, notification: Notification) -> None:
         _log.warning("%s", notification.line())
+        self._history.add(notification, time.time_ns())
         self.sender.put(notification.as_json())
         self.save()
 

@@ -15,7 +15,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
-from acqd.errors import UserError
+from acqd.errors import UserError, in_our_words
 from acqd.lab.plant.situation import Effect
 from acqd.robot.description import Section
 
@@ -89,7 +89,7 @@ def parse_effect(text: str, *, declared: bool = True) -> EffectSpec:
     try:
         return EffectSpec(id=name, values=values, recording=int(recording), at_s=at_s, declared=declared)
     except ValidationError as error:
-        raise UserError(error.errors()[0]["msg"].removeprefix("Value error, ")) from None
+        raise UserError(in_our_words(error.errors()[0]["msg"])) from None
 
 
 def check_axes(specs: Sequence[EffectSpec], axes: int) -> None:

@@ -62,9 +62,12 @@ def load_bundle(path: Path) -> Bundle:
     file = path / "bundle.json"
     try:
         metadata = orjson.loads(file.read_bytes())
-    except FileNotFoundError:
-        raise InputError(path, "is not a bundle: it has no bundle.json; acqd train writes bundles") from None
-    except (OSError, orjson.JSONDecodeError) as error:
+    except (FileNotFoundError, NotADirectoryError):
+        what = "is not a bundle: it has no bundle.json" if path.exists() else "no such folder"
+        raise InputError(path, f"{what}; acqd train writes bundles") from None
+    except OSError as error:
+        raise InputError(file, f"cannot be read ({error.strerror}); may this user read it?") from None
+    except orjson.JSONDecodeError as error:
         raise InputError(file, f"is damaged ({error}); train the model again, or copy the bundle again") from None
     if not isinstance(metadata, dict) or metadata.get("format") != FORMAT:
         raise InputError(file, f"has another format than {FORMAT}: it is from another version of acqd")

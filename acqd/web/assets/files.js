@@ -20,7 +20,7 @@
     if (!sending) $("files-progress").value = state.share ?? 0;
     const words = {
       idle: "", receiving: "", running: state.step,
-      done: `Done in ${(state.ended - state.begun).toFixed(0)} s. The files were not kept.`,
+      done: `Done in ${(state.ended - state.begun).toFixed(0)} s. The files were not kept.${state.removed ? ` Oldest results removed: ${state.removed} ([web] files_kept, files_kept_MB).` : ""}`,
       failed: `Nothing came of it: ${state.error}`, cancelled: "Cancelled; nothing was kept.",
     };
     if (!sending) put($("files-note"), words[state.state]);

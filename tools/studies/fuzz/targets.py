@@ -98,7 +98,7 @@ def _name(folder: Path) -> object:
 
 
 def _config(folder: Path) -> object:
-    from acqd.daemon.config import load_config
+    from acqd.daemon.config_file import load_config
 
     config = load_config(folder / "acqd.toml")
     specification = getattr(config.source, "spec", None)  # meters have none

@@ -1,0 +1,69 @@
+"""Reading acqd.toml: TOML, notes on keys of earlier versions, one line per mistake."""
+
+from __future__ import annotations
+
+import logging
+import os
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from acqd.daemon.config import Config
+from acqd.daemon.config_complaint import complaint
+from acqd.daemon.config_place import as_installed
+from acqd.daemon.earlier_files import with_tariff, without_effect
+from acqd.daemon.mqtt_section import Service
+from acqd.errors import InputError
+
+_log = logging.getLogger(__name__)
+
+
+def load_config(path: Path, service: Service = "daemon") -> Config:
+    """Read and check a configuration file, which logs in at the broker as `service` does.
+
+    Raises InputError with one line per mistake.
+    """
+    data = read_toml(path)
+    config = parsed_config(data, path)
+    own = data.get("energy", {}).get("tariff")  # by hand, a command may be in another folder than the services
+    if own is not None and config.energy.tariff is not None:
+        config.energy = config.energy.model_copy(update={"tariff": path.absolute().parent / own})
+    state = os.environ.get("STATE_DIRECTORY")
+    if config.state_dir is None and state:
+        config.state_dir = Path(state)
+    as_installed(config, path)
+    config.mqtt = config.mqtt.of(service)
+    return config
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """The tables of a file. Raises InputError."""
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
+    except FileNotFoundError:
+        raise InputError(path, "no such file; acqd config init writes a complete one") from None
+    except PermissionError:
+        raise InputError(path, "cannot be read (Permission denied); may this user read it (sudo)?") from None
+    except OSError as error:
+        raise InputError(path, f"cannot be read ({error.strerror}); expected a file of TOML") from None
+    except UnicodeDecodeError as error:
+        raise InputError(path, f"cannot be read ({error})") from None
+    except (ValueError, RecursionError) as error:  # ValueError: also numbers of more than 4300 digits
+        hint = "; several sources are all written as [[source]]" if "'source'" in str(error) else ""
+        raise InputError(path, f"is not valid TOML: {error}{hint}") from None
+
+
+def parsed_config(data: dict[str, Any], path: Path) -> Config:
+    """The configuration that tables mean; `path` is named by messages. Raises InputError with one line per mistake."""
+    if plural := [key for key in ("sources", "boxes") if key in data]:
+        raise InputError(path, f"unknown key {plural[0]}; several sources are written as [[source]] tables")
+    data, notes = without_effect(data)
+    data, more = with_tariff(data, path)
+    for note in notes + more:
+        _log.warning("%s: %s", path, note)
+    try:
+        return Config.model_validate(data)
+    except ValidationError as error:
+        raise InputError(path, "; ".join(complaint(fault) for fault in error.errors())) from None
