@@ -29,10 +29,10 @@ def find_terminals(master: Any, settings: EthercatSettings) -> list[Any]:
         raise SegmentError(f"slave {unknown[0]} does not say what it is; check cable and power, then its EEPROM")
     if len(found) != settings.terminals:
         there = ", ".join(f"{info.position}: {info.title}" for info in slaves)
-        line = f"expected {settings.terminals} EL3783, found {len(found)} ({there})"
+        line = f"expected {settings.terminals} EL3783 on {settings.interface}, found {len(found)} ({there})"
         if len(slaves) <= 1 + len(found) < 1 + settings.terminals:  # the others may get their power later
             raise SegmentError(f"{line}; check power, or source.terminals")
-        raise UserError(f"source.terminals: {line} on {settings.interface}")
+        raise UserError(f"source.terminals: {line}")
     return found
 
 
