@@ -21,6 +21,7 @@ from acqd.sources.recording.nominal import nominal_of
 from acqd.sources.recording.roles import roles_of
 from acqd.sources.recording.selection import Selection, chosen, factor_of, mapped
 from acqd.sources.recording.sizes import hints
+from acqd.sources.recording.steps import steps_of
 from acqd.sources.waveform import ChannelMap, Waveform, check_values, stream_format
 
 _RATE_TOLERANCE = 1e-3
@@ -86,16 +87,16 @@ def _codes(recording: Recording, order: list[int]) -> tuple[NDArray[np.int16], l
     codes, scales = np.empty((recording.samples, len(order)), np.int16), []
     for place, k in enumerate(order):
         column = recording.column(k)
-        if column.values.dtype != np.int16 or column.offset or not (recording.full_scale or _plausible(column.scale)):
+        steps = steps_of(column)
+        if steps is None or not (recording.full_scale or _plausible(column.scale)):
             return None
-        codes[:, place] = column.values
-        scales.append(column.scale)
+        scales.append(steps.into(codes[:, place], column.values))
     return codes, scales
 
 
 def _plausible(scale: float) -> bool:
     """Whether a scale may be that of a converter, in the unit of the file."""
-    return 1e-7 < scale < 1e3
+    return 1e-7 < abs(scale) < 1e3
 
 
 def _finished(
