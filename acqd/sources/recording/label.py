@@ -137,8 +137,8 @@ def _special(words: list[str], quantity: Letter) -> Reading | None:
         return Reading("computed", kind)
     if any(_SYNC.match(word) for word in words):
         return Reading("sync", "u")
-    if any(word in _OTHER for word in words):
-        return Reading("other")
+    if any(word in _OTHER for word in words) or (len(words) == 1 and re.fullmatch(r"d\d{1,2}", words[0])):
+        return Reading("other")  # D0 .. D15: digital inputs of an oscilloscope
     if any(re.fullmatch(r"3[uvi][0o]?", word) for word in words):
         return Reading("residual", kind)
     residual = [word for word in words if _RESIDUAL.match(word)]

@@ -44,6 +44,8 @@ def load(path: Path, given: ChannelMap) -> Recording:
     table = find_table(head, layout)
     if table is None:
         raise InputError(path, _no_table(head, layout))
+    if grouped := next((name for name in table.names if _THOUSANDS.fullmatch(name)), None):
+        raise InputError(path, f"has separators of thousands ({grouped}); export numbers without them")
     export = _Export(text, layout, table, head)
     if not any(table.names) and not (given.columns and all(name.isdigit() for name in given.columns.values())):
         raise InputError(
@@ -124,7 +126,11 @@ class _Export:
 
     def recording(self) -> Recording:
         """Its channels; samples and clock come with `read`."""
-        channels = [Channel(name, unit) for name, unit in zip(self.table.names, self.table.units, strict=True)]
+        inputs = [re.compile(one) for one in self.layout.inputs]
+        channels = [
+            Channel(name, unit, input=name == f"column {k}" or any(one.search(name) for one in inputs))
+            for k, (name, unit) in enumerate(zip(self.table.names, self.table.units, strict=True))
+        ]
         title = self.layout.title
         return Recording(self.text.path, title, channels, 0, self.column, None, advice=self.layout.advice)
 
@@ -157,6 +163,8 @@ class _Export:
             f"its header has a factor that is not applied: {text} (--u-scale and --i-scale apply one)"
             for text in factors(self.table)
         ]
+        if self.table.started:
+            recording.notes.append(f"rows without a number in each channel at its beginning: {self.table.started} left out")
         rows = clock.announced(self.table, self.layout)
         if rows and rows != recording.samples:
             recording.notes.append(f"its header announces {rows} rows, the table has {recording.samples} (cut off?)")
@@ -329,6 +337,8 @@ class _Export:
                     f"row {number} has {len(fields)} columns, expected {self.table.width} as in the header (cut off?)"
                 )
             for k in columns:
+                if "∞" in fields[k]:
+                    return f"row {number}, column {k + 1}: {fields[k]!r} is beyond the range of the instrument"
                 if not is_number(fields[k], self.table.decimal):
                     sign = " (decimal sign?)" if any(c in fields[k] for c in ".,") else ""
                     return f"row {number}, column {k + 1}: {fields[k]!r} is not a number{sign}"
