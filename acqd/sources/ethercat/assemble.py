@@ -107,4 +107,5 @@ class Assembler:
         """Whether the terminals' counts contradict the distributed clock."""
         last, self._last_ns = self._last_ns, time
         periods = 0 if last is None else round((time - last) / self._block_ns)
-        return any([known.contradicts(now, periods) for known, now in zip(self._known, counts, strict=True)])
+        wrong = [known.contradicts(now, periods) for known, now in zip(self._known, counts, strict=True)]
+        return any(wrong)

@@ -12,7 +12,7 @@ from acqd.errors import InputError
 from acqd.metering import StreamFormat
 from acqd.metering.block import Codes
 from acqd.metering.delay import delayed
-from acqd.sources.recording import continuity, converter
+from acqd.sources.recording import alternating, continuity, converter
 from acqd.sources.recording.averaging import averaged
 from acqd.sources.recording.channel import Recording
 from acqd.sources.recording.line_voltages import star_voltages
@@ -107,7 +107,10 @@ def _finished(
     notes: tuple[str, ...],
     flags: frozenset[str] = frozenset(),
 ) -> Waveform:
-    doubts = (*converter.remarks(recording.path, codes), *continuity.remarks(codes, form, recording.breaks))
+    doubts = (
+        *converter.remarks(recording.path, codes), *continuity.remarks(codes, form, recording.breaks),
+        *alternating.remarks(codes, form),
+    )  # fmt: skip
     marks = marks_of(codes, form.rate, form.f_nominal, form.scale)
     said = (*notes, *recording.notes, *_remarks(marks), *doubts)
     breaks = tuple(recording.breaks)

@@ -105,7 +105,10 @@ def _read(path: Path) -> Layout:
             raise InputError(path, f"{key} is {value!r}; expected {'a number' if number else 'text or a list of it'}")
         values[key] = tuple(value) if isinstance(value, list) else value
     layout = Layout(**values)  # type: ignore[arg-type]
-    for key, expression in (*(("recognise", one) for one in layout.recognise), *(("inputs", one) for one in layout.inputs)):
+    for key, expression in (
+        *(("recognise", one) for one in layout.recognise),
+        *(("inputs", one) for one in layout.inputs),
+    ):
         try:
             re.compile(expression)
         except re.error as error:

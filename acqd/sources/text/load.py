@@ -47,6 +47,8 @@ def load(path: Path, given: ChannelMap) -> Recording:
     if grouped := next((name for name in table.names if _THOUSANDS.fullmatch(name)), None):
         raise InputError(path, f"has separators of thousands ({grouped}); export numbers without them")
     export = _Export(text, layout, table, head)
+    if not given.columns and (cut := _cut_by_commas(table, head)):
+        raise InputError(path, cut)
     if not any(table.names) and not (given.columns and all(name.isdigit() for name in given.columns.values())):
         raise InputError(
             path,
@@ -85,6 +87,21 @@ def _no_table(head: list[str], layout: Layout) -> str:
                 f"row {number}, column {bad + 1}: {fields[bad]!r} is not a number; no table of numbers{known}{advice}"
             )
     return f"has no table of numbers{known}; expected rows of numbers below a row of names{advice}"
+
+
+def _cut_by_commas(table: Table, head: list[str]) -> str:
+    """What to say where rows have twice the fields of the names, which decimal commas between commas make."""
+    above = [split_row(line, ",") for line in head[: table.first]]
+    named = [k for k, row in enumerate(above) if len(row) > 1 and not any(is_number(one, ".") for one in row)]
+    if table.separator != "," or not named or any(name and not is_number(name, ".") for name in table.names):
+        return ""
+    count = len(above[named[-1]])
+    if not 2 * count - (count > 2) <= table.width <= 2 * count:  # whole numbers are printed without a decimal sign
+        return ""
+    return (
+        f"row {named[-1] + 1} names {count} columns, and the rows below have {table.width} fields: decimal commas "
+        "between commas cannot be told apart; export with another separator or with decimal points"
+    )
 
 
 class _Text:
@@ -164,7 +181,9 @@ class _Export:
             for text in factors(self.table)
         ]
         if self.table.started:
-            recording.notes.append(f"rows without a number in each channel at its beginning: {self.table.started} left out")
+            recording.notes.append(
+                f"rows without a number in each channel at its beginning: {self.table.started} left out"
+            )
         rows = clock.announced(self.table, self.layout)
         if rows and rows != recording.samples:
             recording.notes.append(f"its header announces {rows} rows, the table has {recording.samples} (cut off?)")

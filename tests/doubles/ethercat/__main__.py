@@ -27,7 +27,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run until {"quit": true} or the end of standard input; 1: the interface cannot be opened."""
     options = _options(arguments)
     clock = VirtualClock() if options.clock == "lockstep" else RealClock(options.drift_ppm)
-    segment = Segment(clock, options.terminals, advance_ns=options.advance_ns, product=options.product, firmware=options.firmware)
+    segment = Segment(
+        clock, options.terminals, advance_ns=options.advance_ns, product=options.product, firmware=options.firmware
+    )
     with socket.socket(socket.AF_PACKET, socket.SOCK_RAW, socket.htons(ETHERTYPE)) as wire:
         try:
             wire.bind((options.interface, ETHERTYPE))

@@ -21,7 +21,8 @@ class DoubleError(RuntimeError):
 class EtherCatDouble:
     """Runs `python -m tests.doubles.ethercat` on `interface` and sends it commands.
 
-    `clock` is "lockstep" or "real"; `advance_ns` [ns] and `drift_ppm` are described there, `firmware` in `objects`. Raises DoubleError.
+    `clock` is "lockstep" or "real"; `advance_ns` [ns] and `drift_ppm` are described there, `firmware` in `objects`.
+    Raises DoubleError.
     """
 
     def __init__(
