@@ -183,7 +183,7 @@ def design_columns(
     for number, (scene, side) in enumerate(zip(scenes, scenes.in_question, strict=True)):
         values.append(_rows(scene, named(scene), smooth_columns(scene, ranges, in_question=side)))
         residual.append(scenes.segments[number].P - scene.predicted)
-        scene.moved.clear()  # link frames of hours of motion are much larger than what they are needed for
+        scene.moved.clear()  # torques of bodies in hours of motion are much larger than what they are needed for
         scene.computed.clear()
         progress((number + 1) / len(scenes))
     return DesignColumns(

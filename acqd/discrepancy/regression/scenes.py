@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, overload
 
-from acqd.models.effects.bodies import LINK_FRAMES, LINK_TORQUES
+from acqd.models.effects.bodies import LINK_TORQUES
 from acqd.models.effects.scene import Scene, segment_scene
 from acqd.models.greybox.model import GreyBox
 from acqd.models.segments import Segment
@@ -17,7 +17,7 @@ from acqd.models.segments import Segment
 _KEPT_ROWS = 22_500
 """A quarter of an hour at 25 rows per second."""
 _LARGE_ROWS = 5_000
-"""Rows whose link frames and torques, some kB a row, are kept, too."""
+"""Rows whose torques of bodies on links, some kB a row, are kept, too."""
 
 
 class Scenes(Sequence[Scene]):
@@ -47,8 +47,7 @@ class Scenes(Sequence[Scene]):
         number = range(len(self))[index]
         scene = self._kept.get(number) or self._made(number)
         if self._newest is not None and self._newest is not scene and self._rows > _LARGE_ROWS:
-            for large in (LINK_FRAMES, LINK_TORQUES):
-                self._newest.moved.pop(large, None)
+            self._newest.moved.pop(LINK_TORQUES, None)
         self._newest = scene
         return scene
 

@@ -13,7 +13,8 @@ from acqd.discrepancy.regression.common_load import without_common_load
 from acqd.discrepancy.regression.design_columns import DesignColumns, Part, design_columns
 from acqd.discrepancy.regression.design_matrix import Design
 from acqd.discrepancy.regression.everything import inliers, left_by_everything, with_noise
-from acqd.discrepancy.regression.gram import Column, Indices, Regression
+from acqd.discrepancy.regression.gram import Indices
+from acqd.discrepancy.regression.least_squares import Column, Regression
 from acqd.discrepancy.regression.onset import Gate, onset_gates
 from acqd.discrepancy.regression.white_rows import white_products
 from acqd.discrepancy.thresholds import THRESHOLDS

@@ -21,7 +21,8 @@ from scipy.special import log_ndtr
 from acqd.arrays import Floats
 from acqd.discrepancy.regression.design_columns import Candidate
 from acqd.discrepancy.regression.design_matrix import Design
-from acqd.discrepancy.regression.gram import LEAST_POWER, Competition, Indices, Regression
+from acqd.discrepancy.regression.gram import Indices
+from acqd.discrepancy.regression.least_squares import LEAST_POWER, Competition, Regression
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.numerics import solve_scaled_ridge
 

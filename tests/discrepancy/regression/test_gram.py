@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acqd.discrepancy.regression.gram import Blocks, Column, Gram, Regression, upper_triangle
+from acqd.discrepancy.regression.gram import Blocks, Gram, upper_triangle
+from acqd.discrepancy.regression.least_squares import Column, Regression
 from acqd.discrepancy.regression.level import UnknownLevel
 from acqd.discrepancy.regression.setup import Comparison, set_up
 from tests.builders import recording
