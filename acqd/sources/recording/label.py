@@ -46,7 +46,9 @@ _RESIDUAL = re.compile(
 _BETWEEN = re.compile(r"^([uv]?(ll|ltl|l2l|pp|ptp|delta)|verk\w*|compos\w*|concat\w*|compuest\w*)$")
 """Words that say "between lines" without saying between which."""
 _NEUTRAL = ("n", "e", "g", "pe")
-_NUMBERED_PHASE = re.compile(r"(?i)(?P<q>[uvi])(?:_?abc\s*[:_.(\[]\s*(?P<n>[1-3])\s*[)\]]?|[_ .](?P<letter>[uvw]))")
+_NUMBERED_PHASE = re.compile(
+    r"(?i)(?:(?P<folder>.*)/)?(?P<q>[uvi])(?:_?abc\s*[:_.(\[]?\s*(?P<n>[1-3])\s*[)\]]?|[_ .](?P<letter>[uvw]))"
+)
 """`Vabc:1`, `Iabc(2)` of Simulink; `U_V`, `I_W` of machines, which words would take for two quantities."""
 
 
@@ -83,10 +85,10 @@ def readings(name: str) -> list[Reading]:
     """All meanings of a channel's name; none where it says nothing."""
     name = _latin(name)
     if numbered := _NUMBERED_PHASE.fullmatch(name.strip()):
-        letter = _QUANTITY[numbered["q"].lower()]
+        letter, folder = _QUANTITY[numbered["q"].lower()], (numbered["folder"] or "").lower()
         if numbered["n"]:
-            return [Reading("phase", letter, "123", (int(numbered["n"]),))]
-        return [Reading("phase", letter, "uvw", ("uvw".index(numbered["letter"].lower()) + 1,))]
+            return [Reading("phase", letter, "123", (int(numbered["n"]),), folder)]
+        return [Reading("phase", letter, "uvw", ("uvw".index(numbered["letter"].lower()) + 1,), folder)]
     words = _words(name)
     quantity = next((_QUANTITY[word] for word in words if word in _QUANTITY and len(word) > 1), UNKNOWN)
     plain = [word for word in words if not (word in _QUANTITY and len(word) > 1)]
