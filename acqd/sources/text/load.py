@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import warnings
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import islice
 from pathlib import Path
 
@@ -16,6 +16,7 @@ from acqd.errors import InputError
 from acqd.sources.recording.build import select
 from acqd.sources.recording.channel import Channel, Column, Recording
 from acqd.sources.recording.clock import Clock, of_times
+from acqd.sources.recording.siblings import SAME_STEP, channel_number, siblings, skew
 from acqd.sources.recording.units import TIME_NAMES, UnknownUnitError, unit_of
 from acqd.sources.text import clock
 from acqd.sources.text.layout import Layout, find_layout, key_of, recognised
@@ -37,7 +38,53 @@ _TIMES = (*(key_of(name) for name in TIME_NAMES), "xvalue", "timesec", "timeaxis
 
 
 def load(path: Path, given: ChannelMap) -> Recording:
-    """A table of numbers with names above it, by its layout. Raises InputError."""
+    """A table of numbers with names above it, by its layout; of one channel, with those of the same shot beside it.
+
+    Raises InputError.
+    """
+    first = _read(path, given)
+    others = siblings(path) if first.lone is not None else []
+    return _together(first, [(other, _read(other, given)) for other in others]) if others else first.recorded
+
+
+def _together(first: _Export, others: list[tuple[Path, _Export]]) -> Recording:
+    """One recording of files with one channel each."""
+    recording, path = first.recorded, first.text.path
+    step_s = 1 / recording.rate if recording.rate else 0.0
+    taken, notes = [(path, first)], list(recording.notes)
+    for other, export in others:
+        rates = export.recorded.rate or 1.0, recording.rate or 1.0
+        same = abs(rates[0] / rates[1] - 1) < SAME_STEP and export.recorded.samples == recording.samples
+        if export.lone is None or not same:
+            notes.append(f"{other.name} has another length or rate: left out")
+            continue
+        taken.append((other, export))
+    if len(taken) == 1:
+        return replace(recording, notes=notes)
+    notes.append(f"read together with it: {', '.join(other.name for other, _ in taken[1:])}")
+    taken.sort(key=lambda one: one[0].name)
+    lone = [(export, export.lone or 0) for _, export in taken]
+    own = [export.recorded.channels[k] for export, k in lone]
+    unique = len({channel.name for channel in own}) == len(own)
+    channels = [
+        replace(
+            channel,
+            name=channel.name if unique else f"CH{channel_number(other)}",
+            skew_s=skew(export.begin_s - taken[0][1].begin_s, step_s),
+        )
+        for channel, (other, export) in zip(own, taken, strict=True)
+    ]
+
+    def column(k: int) -> Column:
+        export, channel = lone[k]
+        return export.column(channel)
+
+    start = taken[0][1].recorded.start_utc_ns
+    return replace(recording, channels=channels, column=column, notes=notes, start_utc_ns=start, advice="")
+
+
+def _read(path: Path, given: ChannelMap) -> _Export:
+    """One file, with what is read of it. Raises InputError."""
     text = _Text(path, given.encoding or encoding_of(path))
     head = text.head()
     layout = find_layout(given.layout) if given.layout else recognised(head[:60])
@@ -55,7 +102,7 @@ def load(path: Path, given: ChannelMap) -> Recording:
             f"row {table.first or 1} has no names; expected a header like time,u1,i1, or columns by "
             "number: --map u1=1,i1=2",
         )
-    recording = export.recording()
+    recording = export.recorded = export.recording()
     refusal: InputError | None = None
     needed: list[int] = []
     try:
@@ -66,7 +113,7 @@ def load(path: Path, given: ChannelMap) -> Recording:
         export.read(recording, needed, given)
     except InputError as error:
         raise (refusal or error) from None
-    return recording
+    return export
 
 
 def _no_table(head: list[str], layout: Layout) -> str:
@@ -140,6 +187,11 @@ class _Export:
     table: Table
     head: list[str]
     values: dict[int, Floats] = field(default_factory=dict)
+    recorded: Recording = field(init=False)
+    lone: int | None = None
+    """The only column beside the time."""
+    begin_s: float = 0.0
+    """First time of a column of times."""
 
     def recording(self) -> Recording:
         """Its channels; samples and clock come with `read`."""
@@ -154,6 +206,8 @@ class _Export:
     def read(self, recording: Recording, needed: list[int], given: ChannelMap) -> None:
         """Read the columns that are metered, and the clock. Raises InputError, which names row and column."""
         times, factor = self._time_columns()
+        beside = [k for k in range(self.table.width) if k not in times]
+        self.lone = beside[0] if len(beside) == 1 else None
         numeric = len(times) == 1 and is_number(self._first_fields()[times[0]], self.table.decimal)
         wanted = sorted({*needed, *(times if numeric else ())})
         if not wanted:
@@ -166,6 +220,7 @@ class _Export:
         found = clock.of_preamble(self.text.path, self.table, self.layout)
         if numeric:
             column = self.values.pop(times[0]) if times[0] not in needed else self.values[times[0]]
+            self.begin_s = float(column[0]) * factor
             said = of_times(
                 self.text.path, column * factor, self._quantum(times[0]) * factor, given, self.table.first + 1
             )
@@ -207,10 +262,15 @@ class _Export:
         return Column(self.values[number])
 
     def _first_fields(self) -> list[str]:
-        fields = split_row(self.head[self.table.first], self.table.separator)
+        fields = self._split(self.head[self.table.first])
+        return [*fields, *[""] * (self.table.width - len(fields))]
+
+    def _split(self, line: str) -> list[str]:
+        """Fields of the table in a line."""
+        fields = split_row(line, self.table.separator)
         if self.layout.columns:
             fields = [fields[k] if k < len(fields) else "" for k in self.layout.columns]
-        return [*fields, *[""] * (self.table.width - len(fields))]
+        return fields
 
     def _time_columns(self) -> tuple[list[int], float]:
         """Columns that tell the time, and seconds per unit: one of numbers, or one or two of stamps."""
@@ -226,13 +286,13 @@ class _Export:
                 continue
             if unit is not None or key in _TIMES:
                 return [k], unit or 1.0
-        if not any(names) and self._rises_evenly():
+        if not names[0] and self._rises_evenly():
             return [0], 1.0
         return [], 1.0
 
     def _rises_evenly(self) -> bool:
-        """Whether the first column of a table without names rises as times in seconds do."""
-        rows = [split_row(line, self.table.separator) for line in self.head[self.table.first :] if line.strip()]
+        """Whether the first column, which has no name, rises as times in seconds do."""
+        rows = [self._split(line) for line in self.head[self.table.first :] if line.strip()]
         texts = [row[0].replace(",", ".") if self.table.decimal == "," else row[0] for row in rows]
         if len(texts) < 10 or not all(is_number(one, ".") for one in texts):
             return False
@@ -252,7 +312,7 @@ class _Export:
         """Step in which a column of times is printed, from the first rows."""
         digits = 0
         for line in self.head[self.table.first : self.table.first + 100]:
-            fields = split_row(line, self.table.separator)
+            fields = self._split(line)
             if column < len(fields):
                 mantissa, _, exponent = fields[column].lower().partition("e")
                 places = len(mantissa.replace(",", ".").partition(".")[2])
@@ -316,10 +376,7 @@ class _Export:
     def _fields(self) -> Iterator[tuple[int, list[str]]]:
         for number, line in enumerate(self.text.lines(), start=1):
             if number > self.table.first and line.strip():
-                fields = split_row(line, self.table.separator)
-                if self.layout.columns:
-                    fields = [fields[k] if k < len(fields) else "" for k in self.layout.columns]
-                yield number, fields
+                yield number, self._split(line)
 
     def _load(self, columns: list[int]) -> None:
         """Numbers of some columns. Raises InputError, which names row and column of anything else."""

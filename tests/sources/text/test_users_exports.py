@@ -66,9 +66,36 @@ def test_three_phases_are_in_their_order(tmp_path, names):
     np.testing.assert_allclose(codes, np.stack(columns, axis=1)[:, [0, 3, 1, 4, 2, 5]], rtol=1e-5, atol=1e-4)
 
 
+def tds(values, unit, channel):
+    head = [*TDS[:2], f"Source,CH{channel}", f"Vertical Units,{unit}", *TDS[4:]] + [","] * (len(T) - len(TDS))
+    return "".join(f"{line},,{t:.6f},{x:.7g},\n" for line, t, x in zip(head, T, values, strict=True))
+
+
+@pytest.mark.parametrize(("opened", "unit", "options"), [
+    ("F0000CH1.CSV", "A", {}), ("F0000CH2.CSV", "A", {}),
+    ("F0000CH1.CSV", "V", {"columns": {"u1": "CH1", "i1": "CH2"}, "u_scale": 1.0, "i_scale": 1.0}),
+])  # fmt: skip
+def test_files_of_one_channel_are_read_together(tmp_path, opened, unit, options):
+    (tmp_path / "F0000CH1.CSV").write_text(tds(U, "V", 1))
+    (tmp_path / "F0000CH2.CSV").write_text(tds(I, unit, 2))
+    (tmp_path / "F0000CH3.CSV").write_text("".join(tds(I, "A", 3).splitlines(keepends=True)[:700]))
+    waveform = load_waveform(tmp_path / opened, ChannelMap(**options))
+    np.testing.assert_allclose(waveform.codes, np.stack((U, I), axis=1), rtol=1e-5, atol=1e-4)
+    said = " ".join(waveform.notes)
+    assert "read together with it: F0000CH" in said and "F0000CH3.CSV has another length" in said
+
+
+def test_a_file_that_was_taken_later_is_moved_to_the_times_of_the_first(tmp_path):
+    for k, (x, later) in enumerate(((U, 0.0), (I, 3e-5)), start=1):
+        (tmp_path / f"CH{k}.csv").write_text(f"in s,C{k} in {'VA'[k > 1]}\n" + table(T + later, x, row="{},{}"))
+    codes = load_waveform(tmp_path / "CH1.csv", ChannelMap()).codes
+    expected = 5 * np.sqrt(2) * np.cos(2 * np.pi * 50 * (T - 17 / RATE - 3e-5))[1:]  # both are known from there on
+    np.testing.assert_allclose(codes[20:700, 1], expected[20:700], atol=2e-3)
+
+
 REFUSED = {
     "tds.csv": ("".join(f"{head},,{t:.6f},{u:.4f},\n" for head, t, u in zip(TDS, T, U, strict=False)),
-                "columns of both files into one table"),
+                "put the file of the current beside"),
     "envelope.csv": ("in s,C1 in V,C2 in A\n" + table(np.repeat(T[:400], 2), U, I), "envelope"),
     "thousands.csv": ("time [s],u1 [V],i1 [mA]\n" + table(T, U, np.full(800, 6), row='{},{},"1,03{}.0"'), "thousand"),
     "over_range.csv": ("time [s],u1 [V],i1 [A]\n" + SECONDS + "0.08,∞,1\n", r"row 802, column 2: '∞' is beyond"),
