@@ -79,9 +79,11 @@ def test_files_of_one_channel_are_read_together(tmp_path, opened, unit, options)
     (tmp_path / "F0000CH1.CSV").write_text(tds(U, "V", 1))
     (tmp_path / "F0000CH2.CSV").write_text(tds(I, unit, 2))
     (tmp_path / "F0000CH3.CSV").write_text("".join(tds(I, "A", 3).splitlines(keepends=True)[:700]))
+    (tmp_path / "F0000CH4.CSV").write_text("nothing\n")
     waveform = load_waveform(tmp_path / opened, ChannelMap(**options))
     np.testing.assert_allclose(waveform.codes, np.stack((U, I), axis=1), rtol=1e-5, atol=1e-4)
     said = " ".join(waveform.notes)
+    assert "left out: " in said and "F0000CH4.CSV" in said
     assert "read together with it: F0000CH" in said and "F0000CH3.CSV has another length" in said
 
 
