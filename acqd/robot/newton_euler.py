@@ -76,6 +76,12 @@ def joint_torques(chain: Chain, arms: Floats, q: Floats, qd: Floats, qdd: Floats
     return torques_in_numpy(chain, links, q, qd, qdd) if compiled is None else compiled
 
 
+def regressor(chain: Chain, q: Floats, qd: Floats, qdd: Floats) -> Floats:
+    """Y [T, axes, 10 axes] with joint_torque = Y @ inertial parameters."""
+    bodies = joint_torques(chain, np.eye(10 * len(chain.axis)), q, qd, qdd)
+    return np.ascontiguousarray(np.moveaxis(bodies, 0, -1))
+
+
 def torques_in_numpy(chain: Chain, links: Floats, q: Floats, qd: Floats, qdd: Floats) -> Floats:
     """The same with numpy, of bodies `links` [n, axes, 10]."""
     tau = np.empty((len(links), *q.shape))

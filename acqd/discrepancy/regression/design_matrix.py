@@ -43,9 +43,14 @@ class Design:
         trusted: tuple[NDArray[np.bool_], ...],
         products: Sequence[Floats],
     ) -> Design:
-        """Whitened by one noise model; `products`: `white_products` of every block, all of whose rows are trusted."""
+        """Whitened by one noise model; `products`: `white_products` of every block, all of whose rows are trusted.
+
+        They are the largest arrays beside the columns, and become the design's own.
+        """
         y = columns.values[0].shape[1]
-        white = tuple(each / part.noise**2 for each, part in zip(products, columns.parts, strict=True))
+        for each, part in zip(products, columns.parts, strict=True):
+            each /= part.noise**2
+        white = tuple(products)
         plain = tuple(_plain_products(columns, part, np.s_[:]) for part in columns.parts)
         empty = np.empty((len(products), y + 1, 0))
         everywhere = tuple(np.ones(len(good), dtype=bool) for good in trusted)
@@ -150,6 +155,8 @@ def _plain_products(columns: DesignColumns, part: Part, good: slice | NDArray[np
 
 
 def _grown(old: NDArray[np.float32], width: int, at: Indices, values: NDArray[Any]) -> NDArray[np.float32]:
+    if not values.any() and not old.any():  # one side of an effect that only the other one has: takes no memory
+        return np.broadcast_to(np.zeros(1, dtype=np.float32), (len(old), width))
     grown = np.zeros((len(old), width), dtype=np.float32)
     grown[:, : old.shape[1]] = old
     grown[:, at] = values

@@ -9,8 +9,8 @@ from acqd.models.effects.scene import Scene
 from acqd.robot.newton_euler import Chain, joint_torques
 
 GRAVITY = 9.81
-LINK_TORQUES = "torques of bodies on links"
-"""Key in `Scene.moved`, of what is larger than all the rest."""
+_LINK_TORQUES = "torques of bodies on links"
+"""Key in `Scene.moved`."""
 
 
 def weight_power(scene: Scene, name: str, points: list[tuple[int, Floats]]) -> list[Floats]:
@@ -18,7 +18,7 @@ def weight_power(scene: Scene, name: str, points: list[tuple[int, Floats]]) -> l
 
     The scene keeps their torques under `name`: these depend on the motion only, and effects ask for them often.
     """
-    known = scene.moved.setdefault(LINK_TORQUES, {})
+    known = scene.moved.setdefault(_LINK_TORQUES, {})
     if name not in known:
         still = np.zeros_like(scene.q)
         known[name] = _torques(scene, [(link, point_mass(point)) for link, point in points], (still, still))
@@ -63,7 +63,7 @@ def first_moment_power(scene: Scene, reach_m: float) -> Floats:
 
 def link_power(scene: Scene, name: str, bodies: list[tuple[int, Floats]]) -> list[Floats]:
     """[N] W each of bodies on links (from 0) with inertial parameters [10]; `name` as in `weight_power`."""
-    known = scene.moved.setdefault(LINK_TORQUES, {})
+    known = scene.moved.setdefault(_LINK_TORQUES, {})
     if name not in known:
         known[name] = _torques(scene, bodies)
     return [torque_power(scene, torque) for torque in known[name]]
