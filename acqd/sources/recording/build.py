@@ -21,7 +21,7 @@ from acqd.sources.recording.nominal import nominal_of
 from acqd.sources.recording.roles import roles_of
 from acqd.sources.recording.selection import Selection, chosen, factor_of, mapped
 from acqd.sources.recording.sizes import hints
-from acqd.sources.recording.steps import steps_of
+from acqd.sources.recording.steps import Steps, steps_of
 from acqd.sources.waveform import ChannelMap, Waveform, check_values, stream_format
 
 _RATE_TOLERANCE = 1e-3
@@ -87,7 +87,8 @@ def _codes(recording: Recording, order: list[int]) -> tuple[NDArray[np.int16], l
     codes, scales = np.empty((recording.samples, len(order)), np.int16), []
     for place, k in enumerate(order):
         column = recording.column(k)
-        steps = steps_of(column)
+        plain = column.values.dtype == np.int16 and not column.offset and (recording.full_scale or column.scale > 0)
+        steps = Steps(column.scale, 1, 0) if plain else steps_of(column)
         if steps is None or not (recording.full_scale or _plausible(column.scale)):
             return None
         scales.append(steps.into(codes[:, place], column.values))
