@@ -25,10 +25,7 @@ class Gram:
     y: int
     """Index of the measured residual: the number p of the design's columns."""
     fixed: tuple[Floats, ...]
-    """Per block the upper triangle, row by row, of the products [p + 1, p + 1] of the design's columns and of y.
-
-    Empty for a block that nobody asks about: a hundred matrices of hours of recordings are larger than their rows.
-    """
+    """Per block the upper triangle, row by row, of the products [p + 1, p + 1] of the design's columns and of y."""
     added: Floats
     """[blocks, p + 1 + e, e] products of all columns with the e added ones."""
 
@@ -62,15 +59,6 @@ class Gram:
     def residual_products(self, block: int | slice | Indices, columns: Indices) -> Floats:
         """[columns] (or [blocks, columns]) products of columns with the measured residual."""
         return self.take(block, columns, np.array([self.y]))[..., 0]
-
-    def squares(self, block: int, columns: Indices) -> Floats:
-        """[columns] sums of squares of columns in a block."""
-        fixed = self.y + 1
-        old = columns < fixed
-        sums = np.empty(len(columns))
-        sums[old] = self.fixed[block][_upper(columns[old], columns[old], fixed)]
-        sums[~old] = self.added[block, columns[~old], columns[~old] - fixed]
-        return sums
 
     def replaced(self, indices: Indices, products: list[Floats]) -> Gram:
         """With other values of added columns at `indices`; `products` [columns, indices] for every block.
@@ -125,12 +113,12 @@ def _upper(row: Indices, column: Indices, size: int) -> Indices:
 
 @dataclass(frozen=True, slots=True)
 class Blocks:
-    """Gram matrices of all blocks."""
+    """Products of all blocks."""
 
     white: Gram
-    """Of whitened rows: what decides."""
-    plain: Gram
-    """Of rows in W, what an engineer calls the error; only of blocks in question."""
+    """Of whitened rows."""
+    squares: Floats
+    """[blocks, columns] W^2: sums over rows that are not white, y among the columns; 0 of blocks out of question."""
     rows: Floats
     """[blocks] number of white rows."""
 

@@ -215,7 +215,7 @@ def prior_deviations(design: Design, indices: Indices) -> Floats:
     rows = 0.0
     for number, part in enumerate(design.parts):
         if part.in_question:
-            squares += design.blocks.plain.squares(number, indices)
+            squares += design.blocks.squares[number, indices]
             rows += design.blocks.rows[number]
     rms = np.sqrt(squares / max(rows, 1.0))
     return np.asarray(THRESHOLDS.largest_change * design.columns.dynamic_range / np.maximum(rms, 1e-9))
