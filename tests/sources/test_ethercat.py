@@ -29,6 +29,7 @@ class Rig:
     """A source on a segment, in lockstep."""
 
     def __init__(self, stack: ExitStack, **double: object) -> None:
+        self.firmware = double.get("firmware")
         self.near, far = stack.enter_context(veth_pair("acqdtst"))
         self.double = stack.enter_context(EtherCatDouble(far, **double))  # type: ignore[arg-type]
         self.settings = EthercatSettings(self.near, oversampling=20, receive_us=PATIENT_US)
@@ -184,6 +185,34 @@ def test_a_range_other_than_the_configured_one_is_no_silent_factor_of_five(rig: 
     rig.double.command(range="1A", channel=1)
     rig.step(5)
     assert "invalid" in rig.tape.blocks[-1].flags and "1A range" in source.health().reason
+
+
+@pytest.mark.parametrize(
+    "rig",
+    [
+        {"firmware": {"scalar_words": 2, "counts": "samples"}},
+        {"firmware": {"time_words": 2, "counts": "nothing"}, "terminals": 2},
+        {"firmware": {"says_range": False}},
+    ],
+    indirect=True,
+)
+def test_a_firmware_that_maps_or_counts_otherwise_is_read_all_the_same(rig: Rig):
+    two = "time_words" in str(rig.firmware)
+    source = rig.start(**({"terminals": 2, "phases": ("1:L1", "2:L1")} if two else {}))
+    rig.step(150)
+    assert rig.tape.lost == 0 and not source.health().reason
+    assert not any(block.flags for block in rig.tape.blocks[1:])
+    codes = np.concatenate([block.codes for block in rig.tape.blocks])
+    wave = WaveTable(seed=1).codes(0, 200_000)
+    offset = next(k for k in range(0, 60_000, 20) if np.array_equal(wave[k : k + 20, 0], codes[:20, 0]))
+    np.testing.assert_array_equal(codes[:, :2], wave[offset : offset + len(codes), :2])
+
+
+@pytest.mark.parametrize("rig", [{"firmware": {"says_range": False}}], indirect=True)
+def test_an_automatic_range_that_the_terminal_does_not_report_is_refused(rig: Rig, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("acqd.sources.ethercat.source._START_PAUSE_S", 0.0)
+    with pytest.raises(UserError, match="refuses an object"):
+        rig.start(current_range="auto")
 
 
 @pytest.mark.parametrize("rig", [{"product": 0x0EBD3052}], indirect=True)

@@ -6,6 +6,7 @@ the format states, a sampling rate or step among the numbers, or an array of tim
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -32,6 +33,8 @@ _SAME_RATE = 1e-3
 _MOST_CHANNELS = 64  # of a matrix: what has more columns is a picture or a table of results
 _BOMB = 1000  # times a file may be larger unpacked
 _SMALL = 1 << 26
+_UNIT_BEHIND_SLASH = re.compile(r"[kmuµ]?V|[kmuµ]A")
+"""A alone may be a phase, or an input of PicoScope."""
 _CODES = "whole numbers"
 """Unit of what may be codes: it is unknown, so the channel is refused with what to type."""
 
@@ -54,7 +57,7 @@ class Signal:
     @property
     def is_time(self) -> bool:
         """Whether the name or the unit says so."""
-        name, unit = split_label(self.name)
+        name, unit = _label(self.name)
         try:
             found = unit_of(self.unit or unit)
         except UnknownUnitError:
@@ -68,7 +71,7 @@ class Signal:
     def seconds(self) -> float:
         """Per number of an array of times."""
         try:
-            found = unit_of(self.unit or split_label(self.name)[1])
+            found = unit_of(self.unit or _label(self.name)[1])
         except UnknownUnitError:
             found = None
         return found.factor if found is not None and found.quantity == "t" else 1.0
@@ -105,8 +108,17 @@ class Contents:
         lists = [texts for texts in self.names.values() if len(texts) == count]
         if len(lists) == 1:
             return lists[0]
-        stem, unit = split_label(name)
+        stem, unit = _label(name)
         return [f"{stem}{k + 1}" + (f" [{unit}]" if unit else "") for k in range(count)]
+
+
+def _label(name: str) -> tuple[str, str]:
+    """Name and unit of an array. What stands before a slash is a group or struct (`s/Va`), unless a unit follows."""
+    folder, slash, last = name.rpartition("/")
+    if not slash or " / " in name or _UNIT_BEHIND_SLASH.fullmatch(last):
+        return split_label(name)
+    stem, unit = split_label(last)
+    return f"{folder}/{stem}", unit
 
 
 def _taken(array: Any, sizes: tuple[int, int], k: int, across: int) -> Any:
@@ -154,7 +166,7 @@ def recording_of(path: Path, title: str, contents: Contents, given: ChannelMap, 
 
 def _are_codes(path: Path, signal: Signal) -> bool:
     """Integers without a unit, or with a factor that is not applied: V and A, or codes? Nobody says."""
-    unknown = not signal.unit and not split_label(signal.name)[1]
+    unknown = not signal.unit and not _label(signal.name)[1]
     return (unknown or signal.unapplied) and _is_integer(path, signal)
 
 
@@ -175,7 +187,7 @@ def _of_one_clock(channels: list[Signal], given: ChannelMap) -> list[Signal]:
 
 
 def _channel(signal: Signal) -> Channel:
-    name, unit = split_label(signal.name)
+    name, unit = _label(signal.name)
     return Channel(signal.name if signal.unit else name, signal.unit or unit)
 
 

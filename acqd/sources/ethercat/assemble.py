@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from acqd.metering.block import Codes
 from acqd.sources import el3783
 from acqd.sources.ethercat.layout import Block
+from acqd.sources.ethercat.sample_count import SampleCount
 from acqd.sources.ethercat.settings import EthercatSettings
 
 _KEPT = 4  # blocks kept per terminal until the other terminals deliver theirs
@@ -38,15 +39,13 @@ class Assembler:
         self._places = settings.places()
         self._block_ns = block_ns
         self._waiting: list[dict[int, Block]] = [{} for _ in range(settings.terminals)]
-        self._samples = samples
-        self._counts = 1 << 8 * count_bytes
-        self._unit = 0  # what SampleCount rises by in a block: 1, or the samples of one; 0: not known yet
-        self._last: tuple[int, list[int]] | None = None  # NextSync1Time and sample counts of the last period
+        self._known = [SampleCount(samples, count_bytes) for _ in range(settings.terminals)]
+        self._last_ns: int | None = None  # NextSync1Time of the last period
 
     def add(self, blocks: list[Block]) -> list[Assembled]:
         """The periods that the blocks of one exchange complete, oldest first."""
         for waiting, block in zip(self._waiting, blocks, strict=True):
-            if block.next_sync1_ns and (self._last is None or block.next_sync1_ns > self._last[0]):
+            if block.next_sync1_ns and (self._last_ns is None or block.next_sync1_ns > self._last_ns):
                 waiting[block.next_sync1_ns] = block
                 for old in sorted(waiting)[:-_KEPT]:
                     del waiting[old]
@@ -78,7 +77,7 @@ class Assembler:
         """Codes of one current; with automatic range in digits of the 1 A range, whichever range they were taken in."""
         codes: NDArray[np.int16 | np.int32] = block.samples[2 * phase + 1]
         if self._settings.current_range == "auto":
-            gain = np.int32(1 if block.fine_range >> phase & 1 else el3783.AUTO_GAIN)
+            gain = np.int32(1 if (block.fine_range or 0) >> phase & 1 else el3783.AUTO_GAIN)
             codes = np.multiply(codes, gain, dtype=np.int32)
         return codes
 
@@ -94,7 +93,8 @@ class Assembler:
             bad = [_CHANNEL[c] for c in channels if "invalid" in el3783.status_flags(int(block.status[c]))]
             warnings.append(f"terminal {terminal + 1} marks {', '.join(bad)} as invalid")
         expected = {"1A": 1, "5A": 0}.get(self._settings.current_range)
-        if expected is not None and any(block.fine_range >> phase & 1 != expected for phase in phases):
+        fine = block.fine_range
+        if expected is not None and fine is not None and any(fine >> phase & 1 != expected for phase in phases):
             flags.add("invalid")
             measured = "5A" if expected else "1A"
             warnings.append(
@@ -104,21 +104,8 @@ class Assembler:
         return flags, warnings
 
     def _miscounted(self, time: int, counts: list[int]) -> bool:
-        """Whether the terminals' own counts contradict the distributed clock.
-
-        No document at hand says whether SampleCount counts blocks or samples: the first blocks that follow each other
-        show that.
-        """
-        last, self._last = self._last, (time, counts)
-        if last is None:
-            return False
-        periods = round((time - last[0]) / self._block_ns)
-        steps = [(now - before) % self._counts for now, before in zip(counts, last[1], strict=True)]
-        if not self._unit:
-            fitting = [unit for unit in (1, self._samples) if all(self._is(step, periods * unit) for step in steps)]
-            self._unit = fitting[0] if fitting else 0
-            return not fitting
-        return not all(self._is(step, periods * self._unit) for step in steps)
-
-    def _is(self, step: int, expected: int) -> bool:
-        return (step - expected) % self._counts == 0
+        """Whether the terminals' counts contradict the distributed clock."""
+        last, self._last_ns = self._last_ns, time
+        periods = 0 if last is None else round((time - last) / self._block_ns)
+        wrong = [known.contradicts(now, periods) for known, now in zip(self._known, counts, strict=True)]
+        return any(wrong)

@@ -29,10 +29,10 @@ def find_terminals(master: Any, settings: EthercatSettings) -> list[Any]:
         raise SegmentError(f"slave {unknown[0]} does not say what it is; check cable and power, then its EEPROM")
     if len(found) != settings.terminals:
         there = ", ".join(f"{info.position}: {info.title}" for info in slaves)
-        raise UserError(
-            f"source.terminals: expected {settings.terminals} EL3783 on {settings.interface}, "
-            f"found {len(found)} ({there})"
-        )
+        line = f"expected {settings.terminals} EL3783 on {settings.interface}, found {len(found)} ({there})"
+        if len(slaves) <= 1 + len(found) < 1 + settings.terminals:  # the others may get their power later
+            raise SegmentError(f"{line}; check power, or source.terminals")
+        raise UserError(f"source.terminals: {line}")
     return found
 
 
@@ -59,7 +59,12 @@ def _prepare(terminal: Any, samples_pdo: int, settings: EthercatSettings) -> Blo
     wanted = objects.assignment(samples_pdo)
     terminal.sdo_write(objects.TXPDO_ASSIGN, 0, bytes([0]))
     for number, pdo in enumerate(wanted, start=1):
-        terminal.sdo_write(objects.TXPDO_ASSIGN, number, pdo.to_bytes(2, "little"))
+        try:
+            terminal.sdo_write(objects.TXPDO_ASSIGN, number, pdo.to_bytes(2, "little"))
+        except pysoem.SdoError:
+            if pdo != objects.RANGE_PDO or settings.current_range == "auto":
+                raise
+            wanted.remove(pdo)  # the last one: this firmware does not report its range
     terminal.sdo_write(objects.TXPDO_ASSIGN, 0, bytes([len(wanted)]))
     assigned = read_list(terminal, objects.TXPDO_ASSIGN)
     if assigned != wanted:

@@ -28,8 +28,8 @@ class Block:
     """SampleCount: of SYNC1 periods or of samples, modulo 2^(8 x its bytes)."""
     status: NDArray[np.uint16]
     """[6] status words."""
-    fine_range: int
-    """Bit k: current channel k is in the 1 A range."""
+    fine_range: int | None
+    """Bit k: current channel k is in the 1 A range; None where the terminal does not report its range."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +60,7 @@ class BlockLayout:
             self._next_sync1(image, dc_time_ns),
             _number(image, self.count),
             np.array([int.from_bytes(image[p : p + 2], "little") for p in self.status], dtype=np.uint16),
-            0 if self.fine_range is None else _number(image, self.fine_range),
+            None if self.fine_range is None else _number(image, self.fine_range),
         )
 
     def _next_sync1(self, image: bytes, dc_time_ns: int) -> int:

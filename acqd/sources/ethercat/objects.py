@@ -38,4 +38,4 @@ def assignment(samples_pdo: int) -> list[int]:
             SAMPLES_PDO + CHANNEL_STEP * channel + samples_pdo,
         )
     ]
-    return [*channels, NEXT_SYNC1_PDO, SAMPLE_COUNT_PDO, RANGE_PDO]
+    return [*channels, NEXT_SYNC1_PDO, SAMPLE_COUNT_PDO, RANGE_PDO]  # the range last: it may be missing

@@ -12,7 +12,7 @@ from acqd.errors import InputError
 from acqd.metering import StreamFormat
 from acqd.metering.block import Codes
 from acqd.metering.delay import delayed
-from acqd.sources.recording import continuity, converter
+from acqd.sources.recording import alternating, continuity, converter
 from acqd.sources.recording.averaging import averaged
 from acqd.sources.recording.channel import Recording
 from acqd.sources.recording.line_voltages import star_voltages
@@ -21,6 +21,7 @@ from acqd.sources.recording.nominal import nominal_of
 from acqd.sources.recording.roles import roles_of
 from acqd.sources.recording.selection import Selection, chosen, factor_of, mapped
 from acqd.sources.recording.sizes import hints
+from acqd.sources.recording.steps import Steps, steps_of
 from acqd.sources.waveform import ChannelMap, Waveform, check_values, stream_format
 
 _RATE_TOLERANCE = 1e-3
@@ -86,16 +87,17 @@ def _codes(recording: Recording, order: list[int]) -> tuple[NDArray[np.int16], l
     codes, scales = np.empty((recording.samples, len(order)), np.int16), []
     for place, k in enumerate(order):
         column = recording.column(k)
-        if column.values.dtype != np.int16 or column.offset or not (recording.full_scale or _plausible(column.scale)):
+        plain = column.values.dtype == np.int16 and not column.offset and (recording.full_scale or column.scale > 0)
+        steps = Steps(column.scale, 1, 0) if plain else steps_of(column)
+        if steps is None or not (recording.full_scale or _plausible(column.scale)):
             return None
-        codes[:, place] = column.values
-        scales.append(column.scale)
+        scales.append(steps.into(codes[:, place], column.values))
     return codes, scales
 
 
 def _plausible(scale: float) -> bool:
     """Whether a scale may be that of a converter, in the unit of the file."""
-    return 1e-7 < scale < 1e3
+    return 1e-7 < abs(scale) < 1e3
 
 
 def _finished(
@@ -106,7 +108,10 @@ def _finished(
     notes: tuple[str, ...],
     flags: frozenset[str] = frozenset(),
 ) -> Waveform:
-    doubts = (*converter.remarks(recording.path, codes), *continuity.remarks(codes, form, recording.breaks))
+    doubts = (
+        *converter.remarks(recording.path, codes), *continuity.remarks(codes, form, recording.breaks),
+        *alternating.remarks(codes, form),
+    )  # fmt: skip
     marks = marks_of(codes, form.rate, form.f_nominal, form.scale)
     said = (*notes, *recording.notes, *_remarks(marks), *doubts)
     breaks = tuple(recording.breaks)

@@ -48,6 +48,8 @@ class Channel:
     """Primary per recorded quantity, as the file says."""
     skew_s: float = 0.0
     """How much later than the sample's time the channel is sampled [s]."""
+    input: bool = False
+    """The name is one of an input of the instrument (`U1-2`: unit 1, channel 2) and says no phase."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -42,6 +42,12 @@ def of_times(path: Path, times: Floats, quantum: float, given: ChannelMap, first
     span = float(times[-1] - times[0])
     mean = span / max(len(times) - 1, 1)
     even = len(times) > 1 and float(np.ptp(np.diff(times))) < _JITTER * abs(step)
+    if len(times) > 3 and not given.rate and _in_pairs(times):
+        raise InputError(
+            path,
+            "each of its times stands twice, as in an envelope (minimum and maximum); save samples, in sample or "
+            "high-resolution mode",
+        )
     coarse = not even and quantum > 0.3 * mean > 0  # several rows share a printed time
     if span <= 0 or (coarse and quantum > _COARSE * span):
         if given.rate:
@@ -64,6 +70,13 @@ def of_times(path: Path, times: Floats, quantum: float, given: ChannelMap, first
             f"before, expected an equidistant step of {step:.6g} s; resample it, or give --rate to overrule the column",
         )
     return Clock(float(1 / period), start, notes)
+
+
+def _in_pairs(times: Floats) -> bool:
+    """Whether times come in pairs of equal ones that follow each other evenly."""
+    firsts, seconds = times[0 : len(times) // 2 * 2 : 2], times[1::2]
+    steps = np.diff(firsts)
+    return bool((firsts == seconds).all() and steps.min() > 0 and np.ptp(steps) < 0.5 * np.median(steps))
 
 
 def _start_of(first: float) -> tuple[int | None, tuple[str, ...]]:

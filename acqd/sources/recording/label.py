@@ -46,11 +46,15 @@ _RESIDUAL = re.compile(
 _BETWEEN = re.compile(r"^([uv]?(ll|ltl|l2l|pp|ptp|delta)|verk\w*|compos\w*|concat\w*|compuest\w*)$")
 """Words that say "between lines" without saying between which."""
 _NEUTRAL = ("n", "e", "g", "pe")
+_NUMBERED_PHASE = re.compile(
+    r"(?i)(?:(?P<folder>.*)/)?(?P<q>[uvi])(?:_?abc\s*[:_.(\[]?\s*(?P<n>[1-3])\s*[)\]]?|[_ .](?P<letter>[uvw]))"
+)
+"""`Vabc:1`, `Iabc(2)` of Simulink; `U_V`, `I_W` of machines, which words would take for two quantities."""
 
 
 _WORDS_OF_OTHERS = (
     (r"(?i)\b(?:a|phv|pnv)\.(?:neut|res|net)\b", "neutral"),  # IEC 61850-7-4: MMXU1.A.neut
-    (r"(?i)volsv", "voltage"), (r"(?i)ampsv", "current"), (r"(?i)instmag", "inst"),  # TVTR1.VolSv.instMag
+    (r"(?i)volsv", "voltage"), (r"(?i)ampsv", "current"), (r"(?i)instmag(?:\.[if]\b)?", "inst"),  # TVTR1.VolSv.instMag
     ("电压|電圧|電壓", " voltage "), ("电流|電流", " current "), ("零序|中性", " neutral "), ("相", " phase "),
     (r"(?i)tens(?:ão|ión)", "voltage"),
     (r"(?i)напряжение", "voltage"), (r"(?i)\bток\b", "current"), (r"(?i)нейтрал\w*|\bнул\w*", "neutral"),
@@ -80,6 +84,11 @@ class Reading:
 def readings(name: str) -> list[Reading]:
     """All meanings of a channel's name; none where it says nothing."""
     name = _latin(name)
+    if numbered := _NUMBERED_PHASE.fullmatch(name.strip()):
+        letter, folder = _QUANTITY[numbered["q"].lower()], (numbered["folder"] or "").lower()
+        if numbered["n"]:
+            return [Reading("phase", letter, "123", (int(numbered["n"]),), folder)]
+        return [Reading("phase", letter, "uvw", ("uvw".index(numbered["letter"].lower()) + 1,), folder)]
     words = _words(name)
     quantity = next((_QUANTITY[word] for word in words if word in _QUANTITY and len(word) > 1), UNKNOWN)
     plain = [word for word in words if not (word in _QUANTITY and len(word) > 1)]
@@ -137,8 +146,8 @@ def _special(words: list[str], quantity: Letter) -> Reading | None:
         return Reading("computed", kind)
     if any(_SYNC.match(word) for word in words):
         return Reading("sync", "u")
-    if any(word in _OTHER for word in words):
-        return Reading("other")
+    if any(word in _OTHER for word in words) or (len(words) == 1 and re.fullmatch(r"d\d{1,2}", words[0])):
+        return Reading("other")  # D0 .. D15: digital inputs of an oscilloscope
     if any(re.fullmatch(r"3[uvi][0o]?", word) for word in words):
         return Reading("residual", kind)
     residual = [word for word in words if _RESIDUAL.match(word)]

@@ -20,6 +20,7 @@ _EQUAL = 4  # samples in a row at the extreme of a channel, from which on it may
 _END = 30_000  # codes of 16 bits that roll over come near both ends
 _HELD = 0.2  # of the largest peak of all phases: a channel that stands still farther from zero was held
 _TOGETHER = 256  # stretches
+_PASS = 1 << 18  # samples
 _POINTS = 25  # of half a cycle
 _LONGEST = 100_000  # samples that show the mean
 
@@ -54,6 +55,7 @@ def marks_of(codes: Codes, rate: float, f_nominal: float, scale: Sequence[float]
         whole = x[: min(len(x), _LONGEST) // (size // 2) * (size // 2)].astype(np.float64)
         if k % 2 == 0 and len(whole) and shifted(whole):
             everywhere.add("offset")
+        del x  # before the next channel is copied
     return _joined(flags, everywhere, size, len(codes))
 
 
@@ -72,13 +74,16 @@ def _saturated(x: np.ndarray | Floats, size: int) -> Iterator[int]:
 def _suspects(x: np.ndarray | Floats, most: float, least: float, size: int) -> list[int]:
     """Stretches in which a channel may be clipped or have rolled over."""
     found: set[int] = set()
-    for extreme in (most, least):
-        at = np.flatnonzero(x == extreme)
-        begins = at[: 1 - _EQUAL][at[_EQUAL - 1 :] - at[: 1 - _EQUAL] == _EQUAL - 1]  # of runs
-        found |= set((begins // size).tolist())
-    if x.dtype != np.int16 or (most > _END and least < -_END):
-        steps = np.abs(np.diff(x.astype(np.float64)))
-        found |= set((np.flatnonzero(steps > 0.8 * (most - least)) // size).tolist())
+    steps = x.dtype != np.int16 or (most > _END and least < -_END)
+    for first in range(0, len(x), _PASS):  # double numbers and indices of all samples are too many
+        part = x[first : first + _PASS + _EQUAL - 1]
+        for extreme in (most, least):
+            at = np.flatnonzero(part == extreme)
+            begins = at[: 1 - _EQUAL][at[_EQUAL - 1 :] - at[: 1 - _EQUAL] == _EQUAL - 1]  # of runs
+            found |= set(((first + begins) // size).tolist())
+        if steps:
+            heights = np.abs(np.diff(part.astype(np.float64)))
+            found |= set(((first + np.flatnonzero(heights > 0.8 * (most - least))) // size).tolist())
     return sorted(found)
 
 

@@ -34,7 +34,7 @@ def roles_of(channels: list[Channel]) -> list[Role]:
 
 def _candidates(channel: Channel) -> list[Reading]:
     """Readings of the name and of the phase field that do not contradict each other."""
-    named, field = readings(channel.name), phase_field(channel.phase)
+    named, field = [] if channel.input else readings(channel.name), phase_field(channel.phase)
     special = [one for one in named if one.kind not in ("phase", "line", "unknown")]
     if special:
         return special

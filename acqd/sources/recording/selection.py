@@ -188,11 +188,12 @@ def _ambiguity(recording: Recording, roles: list[Role]) -> str:
             f"{noun} {'; '.join(wrong[:3])}{more}; say what it is with --map, and V or A per unit of the file with "
             f"--u-scale or --i-scale: {try_it}"
         )
-    if lone := next((key for key in sorted(counts) if _partner(key) not in counts and len(key) == 2), None):
+    whole = [key for key in sorted(counts) if len(key) == 2 and key[0] in "ui"]
+    if lone := next((key for key in whole if _partner(key) not in counts), None):
         unknown = [role for role in roles if role.kind == "unknown" and role.quantity == "u"]
         lines = " (u12=...,u23=... for voltages between lines)" if lone[0] == "i" and len(unknown) > 1 else ""
         return f"has {lone} but no {_partner(lone)}; power needs both: --map u1=...,i1=...{lines}, {try_it}"
-    if any(len(key) == 3 for key in counts):
+    if any(len(key) == 3 and key[0] in "ui" for key in counts):
         return (
             "has voltages between lines; they need two or three of them and the currents of three lines: "
             f"--map u12=...,u23=...,i1=...,i2=...,i3=... {listing}"

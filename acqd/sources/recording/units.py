@@ -109,7 +109,7 @@ def _name(lower: str) -> Unit | None:
 
 _BRACKETS = re.compile(r"^(.*?)\s*[\[\(\{<]\s*([^\[\]\(\)\{\}<>]*?)\s*[\]\)\}>]\s*$")
 _GLUED = re.compile(r"^(.*[A-Za-z0-9])(?:(?<=\d)([uµμ][VA])|([mk][VA]))$")
-_TAIL = re.compile(r"^(.+?)(?:\s+in\s+|\s*/\s*|\s*,\s*|_|\s+)([^\s_/,]+)$", re.IGNORECASE)
+_TAIL = re.compile(r"^(.+?)(\s+in\s+|\s*/\s*|\s*,\s*|_|\s+)([^\s_/,]+)$", re.IGNORECASE)
 
 
 def split_label(label: str) -> tuple[str, str]:
@@ -134,8 +134,10 @@ def split_label(label: str) -> tuple[str, str]:
     if glued := _GLUED.match(text):  # U1mV, but not UA: a prefix tells a unit from a phase
         return glued.group(1), glued.group(2) or glued.group(3)
     tail = _TAIL.match(text)
-    if tail and _is_unit(tail.group(2)) and not _is_phase(tail.group(1), tail.group(2)):
-        return tail.group(1).strip(), tail.group(2)
+    if tail and _is_unit(tail.group(3)):
+        told = tail.group(2).strip() in ("in", "/", ",")  # I / A, as ISO 80000-1 writes it
+        if told or not _is_phase(tail.group(1), tail.group(3)):
+            return tail.group(1).strip(), tail.group(3)
     return text, ""
 
 

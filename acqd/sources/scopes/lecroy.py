@@ -30,7 +30,7 @@ def _read(path: Path) -> list[Trace]:
     at = content[:_PREFIX].find(_MAGIC)
     if at < 0 or len(content) < at + _LEAST:
         raise InputError(path, "is truncated or no LeCroy trace (no WAVEDESC block)")
-    block = content[at:]
+    block, available = content[at : at + _LEAST], len(content) - at
     template = block[16:32].rstrip(b"\0 ").decode("ascii", errors="replace")
     if template != "LECROY_2_3":
         raise InputError(path, f"has the template {template!r}, expected LECROY_2_3; save as ASCII in the oscilloscope")
@@ -46,9 +46,9 @@ def _read(path: Path) -> list[Trace]:
     size = number("i", 60)
     wide = number("h", 32) == 1
     begin = sum(lengths)
-    if min(lengths) < 0 or begin < _LEAST or size <= 0 or begin + size > len(block):
-        raise InputError(path, f"is truncated: announces {begin + size} bytes, has {len(block)}")
-    codes = np.frombuffer(block, f"{order}i2" if wide else "i1", size // (2 if wide else 1), begin)
+    if min(lengths) < 0 or begin < _LEAST or size <= 0 or begin + size > available:
+        raise InputError(path, f"is truncated: announces {begin + size} bytes, has {available}")
+    codes = np.frombuffer(content, f"{order}i2" if wide else "i1", size // (2 if wide else 1), at + begin)
     if not 0 < points <= len(codes):
         raise InputError(path, f"announces {points} samples, has {len(codes)}")
     gain, offset = number("f", 156), number("f", 160)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,11 +9,7 @@ from typing import Any
 
 from acqd.errors import InputError
 from acqd.sources.recording.channel import Channel, Column, Recording
-
-_CHANNEL = re.compile(r"(?:(?<![a-zA-Z])[cC][hH]?|(?<=[a-z])CH?)([1-8])(?!\d)")
-"""`C1--Trace--00000.trc`, `tek0001CH1.isf`, `pressCH1.wfm`; `batch1` names no channel."""
-_SAME_STEP = 1e-6
-_ALIGNED = 0.01  # of a step: traces whose samples are that near to each other are of the same times
+from acqd.sources.recording.siblings import SAME_STEP, siblings, skew
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,9 +33,9 @@ def recording_of(path: Path, title: str, read: Callable[[Path], list[Trace]]) ->
     traces, notes = read(path), []
     if len(traces) == 1:
         names = [path.name]
-        for other in _siblings(path):
+        for other in siblings(path):
             more = read(other)
-            if abs(more[0].step_s / traces[0].step_s - 1) > _SAME_STEP or len(more[0].codes) != len(traces[0].codes):
+            if abs(more[0].step_s / traces[0].step_s - 1) > SAME_STEP or len(more[0].codes) != len(traces[0].codes):
                 notes.append(f"{other.name} has another length or rate: left out")
                 continue
             traces += more
@@ -49,7 +44,7 @@ def recording_of(path: Path, title: str, read: Callable[[Path], list[Trace]]) ->
             notes.append(f"read together with it: {', '.join(names[1:])}")
     traces.sort(key=lambda trace: trace.name)
     first = traces[0]
-    channels = [Channel(one.name, one.unit, skew_s=_skew(one, first)) for one in traces]
+    channels = [Channel(one.name, one.unit, skew_s=skew(one.origin_s - first.origin_s, first.step_s)) for one in traces]
     if any(trace.start_utc_ns is not None for trace in traces):
         notes.append("its stamps name no time zone; taken as UTC")
     advice = "give the file of the voltage, with that of the current beside it (CH1, CH2 in the names)"
@@ -61,23 +56,6 @@ def recording_of(path: Path, title: str, read: Callable[[Path], list[Trace]]) ->
 
 def _column(trace: Trace) -> Column:
     return Column(trace.codes, trace.scale, trace.offset)
-
-
-def _skew(one: Trace, first: Trace) -> float:
-    later = one.origin_s - first.origin_s
-    return later if abs(later) > _ALIGNED * first.step_s else 0.0
-
-
-def _siblings(path: Path) -> list[Path]:
-    """Files of the other channels of the same shot."""
-    found = list(_CHANNEL.finditer(path.stem))
-    if not found:
-        return []
-    letters, own = found[-1].span(1), found[-1].group(1)
-    names = [
-        f"{path.stem[: letters[0]]}{k}{path.stem[letters[1] :]}{path.suffix}" for k in range(1, 9) if str(k) != own
-    ]
-    return [path.with_name(name) for name in names if path.with_name(name).is_file()]
 
 
 def check_step(path: Path, step_s: float) -> float:

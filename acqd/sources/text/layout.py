@@ -45,6 +45,8 @@ class Layout:
     """Keys of the channels' names."""
     units: tuple[str, ...] = ()
     """Keys of the channels' units."""
+    inputs: tuple[str, ...] = ()
+    """Regular expressions of names that stand for inputs of the instrument and say no phase."""
     columns: tuple[int, ...] = ()
     """Columns of the table, from 0; empty: all."""
     names_row: int | None = None
@@ -103,11 +105,14 @@ def _read(path: Path) -> Layout:
             raise InputError(path, f"{key} is {value!r}; expected {'a number' if number else 'text or a list of it'}")
         values[key] = tuple(value) if isinstance(value, list) else value
     layout = Layout(**values)  # type: ignore[arg-type]
-    for expression in layout.recognise:
+    for key, expression in (
+        *(("recognise", one) for one in layout.recognise),
+        *(("inputs", one) for one in layout.inputs),
+    ):
         try:
             re.compile(expression)
         except re.error as error:
-            raise InputError(path, f"recognise: {expression!r} is no regular expression ({error})") from None
+            raise InputError(path, f"{key}: {expression!r} is no regular expression ({error})") from None
     return layout
 
 

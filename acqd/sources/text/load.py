@@ -3,55 +3,93 @@
 from __future__ import annotations
 
 import re
-import warnings
-from collections.abc import Iterator
-from dataclasses import dataclass, field
-from itertools import islice
+from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
-from acqd.arrays import Floats
 from acqd.errors import InputError
 from acqd.sources.recording.build import select
-from acqd.sources.recording.channel import Channel, Column, Recording
-from acqd.sources.recording.clock import Clock, of_times
-from acqd.sources.recording.units import TIME_NAMES, UnknownUnitError, unit_of
-from acqd.sources.text import clock
-from acqd.sources.text.layout import Layout, find_layout, key_of, recognised
-from acqd.sources.text.table import HEAD_LINES, Table, factors, find_table, is_number, split_row
+from acqd.sources.recording.channel import Column, Recording
+from acqd.sources.recording.siblings import SAME_STEP, channel_number, siblings, skew
+from acqd.sources.text.export import Export, Text
+from acqd.sources.text.layout import Layout, find_layout, recognised
+from acqd.sources.text.table import Table, find_table, is_number, split_row
 from acqd.sources.text_file import encoding_of
 from acqd.sources.waveform import ChannelMap
 
-_HEAD_BYTES = 1 << 20
-_SAME_RATE = 5e-3  # how far the rate above a table may be from that of its times: increments are printed with 3 digits
-_EVEN = 0.01
-"""Of a step: how far the steps of a column without a name may be from each other to be those of times."""
-_TIME_STEPS_S = (1e-8, 5e-3)
 _THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:([.,' ])\d{3})+(?!\1)[.,]\d+")
-_MOST_CODE = 2**24
-_CODE_SCALE = re.compile(r"verticalscale|voltsdiv|voltsperdiv|vertscale|vscale")
-"""Lines of oscilloscopes that say V for a division: beside whole numbers these are codes of the converter."""
-_INDEX = ("sequence", "index", "sample", "samples", "no", "nr", "n", "point", "points", "number", "xindex")
-_TIMES = (*(key_of(name) for name in TIME_NAMES), "xvalue", "timesec", "timeaxis", "abstime", "reltime")
 
 
 def load(path: Path, given: ChannelMap) -> Recording:
-    """A table of numbers with names above it, by its layout. Raises InputError."""
-    text = _Text(path, given.encoding or encoding_of(path))
+    """A table of numbers with names above it, by its layout; of one channel, with those of the same shot beside it.
+
+    Raises InputError.
+    """
+    first = _read(path, given)
+    others = siblings(path) if first.lone is not None else []
+    return _together(first, others, given) if others else first.recorded
+
+
+def _together(first: Export, others: list[Path], given: ChannelMap) -> Recording:
+    """One recording of files with one channel each."""
+    recording, path = first.recorded, first.text.path
+    step_s = 1 / recording.rate if recording.rate else 0.0
+    taken, notes = [(path, first)], list(recording.notes)
+    for other in others:
+        try:
+            export = _read(other, given)
+        except InputError as error:
+            notes.append(f"left out: {error}")
+            continue
+        rates = export.recorded.rate or 1.0, recording.rate or 1.0
+        same = abs(rates[0] / rates[1] - 1) < SAME_STEP and export.recorded.samples == recording.samples
+        if export.lone is None or not same:
+            notes.append(f"{other.name} has another length or rate: left out")
+            continue
+        taken.append((other, export))
+    if len(taken) == 1:
+        return replace(recording, notes=notes)
+    notes.append(f"read together with it: {', '.join(other.name for other, _ in taken[1:])}")
+    taken.sort(key=lambda one: one[0].name)
+    lone = [(export, export.lone or 0) for _, export in taken]
+    own = [export.recorded.channels[k] for export, k in lone]
+    unique = len({channel.name for channel in own}) == len(own)
+    channels = [
+        replace(
+            channel,
+            name=channel.name if unique else f"CH{channel_number(other)}",
+            skew_s=skew(export.begin_s - taken[0][1].begin_s, step_s),
+        )
+        for channel, (other, export) in zip(own, taken, strict=True)
+    ]
+
+    def column(k: int) -> Column:
+        export, channel = lone[k]
+        return export.column(channel)
+
+    start = taken[0][1].recorded.start_utc_ns
+    return replace(recording, channels=channels, column=column, notes=notes, start_utc_ns=start, advice="")
+
+
+def _read(path: Path, given: ChannelMap) -> Export:
+    """One file, with what is read of it. Raises InputError."""
+    text = Text(path, given.encoding or encoding_of(path))
     head = text.head()
     layout = find_layout(given.layout) if given.layout else recognised(head[:60])
     table = find_table(head, layout)
     if table is None:
         raise InputError(path, _no_table(head, layout))
-    export = _Export(text, layout, table, head)
+    if grouped := next((name for name in table.names if _THOUSANDS.fullmatch(name)), None):
+        raise InputError(path, f"has separators of thousands ({grouped}); export numbers without them")
+    export = Export(text, layout, table, head)
+    if not given.columns and (cut := _cut_by_commas(table, head)):
+        raise InputError(path, cut)
     if not any(table.names) and not (given.columns and all(name.isdigit() for name in given.columns.values())):
         raise InputError(
             path,
             f"row {table.first or 1} has no names; expected a header like time,u1,i1, or columns by "
             "number: --map u1=1,i1=2",
         )
-    recording = export.recording()
+    recording = export.recorded = export.recording()
     refusal: InputError | None = None
     needed: list[int] = []
     try:
@@ -62,7 +100,7 @@ def load(path: Path, given: ChannelMap) -> Recording:
         export.read(recording, needed, given)
     except InputError as error:
         raise (refusal or error) from None
-    return recording
+    return export
 
 
 def _no_table(head: list[str], layout: Layout) -> str:
@@ -85,251 +123,16 @@ def _no_table(head: list[str], layout: Layout) -> str:
     return f"has no table of numbers{known}; expected rows of numbers below a row of names{advice}"
 
 
-class _Text:
-    """The lines of a file, read again by every method: never all of them in memory."""
-
-    def __init__(self, path: Path, encoding: str) -> None:
-        self.path, self._encoding = path, encoding
-
-    def head(self) -> list[str]:
-        """The first lines."""
-        lines, size = [], 0
-        for line in islice(self.lines(), HEAD_LINES):
-            size += len(line)
-            if size > _HEAD_BYTES:
-                break
-            lines.append(line)
-        if not lines:
-            raise InputError(self.path, "is empty")
-        return lines
-
-    def lines(self) -> Iterator[str]:
-        """All lines. Raises InputError for bytes that are no text."""
-        try:
-            with self.path.open(encoding=self._encoding) as file:
-                yield from file
-        except UnicodeError:
-            raise InputError(self.path, f"is not text in {self._encoding}; give its encoding with --encoding") from None
-
-
-@dataclass(slots=True)
-class _Export:
-    """One file whose table has been found."""
-
-    text: _Text
-    layout: Layout
-    table: Table
-    head: list[str]
-    values: dict[int, Floats] = field(default_factory=dict)
-
-    def recording(self) -> Recording:
-        """Its channels; samples and clock come with `read`."""
-        channels = [Channel(name, unit) for name, unit in zip(self.table.names, self.table.units, strict=True)]
-        title = self.layout.title
-        return Recording(self.text.path, title, channels, 0, self.column, None, advice=self.layout.advice)
-
-    def read(self, recording: Recording, needed: list[int], given: ChannelMap) -> None:
-        """Read the columns that are metered, and the clock. Raises InputError, which names row and column."""
-        times, factor = self._time_columns()
-        numeric = len(times) == 1 and is_number(self._first_fields()[times[0]], self.table.decimal)
-        wanted = sorted({*needed, *(times if numeric else ())})
-        if not wanted:
-            wanted = [k for k, one in enumerate(self._first_fields()) if is_number(one, self.table.decimal)][:1]
-        self._load(wanted)
-        recording.samples = len(self.values[wanted[0]])
-        if not recording.samples:
-            raise InputError(self.text.path, "has a header but no samples")
-        self._refuse_codes(needed, given)
-        found = clock.of_preamble(self.text.path, self.table, self.layout)
-        if numeric:
-            column = self.values.pop(times[0]) if times[0] not in needed else self.values[times[0]]
-            said = of_times(
-                self.text.path, column * factor, self._quantum(times[0]) * factor, given, self.table.first + 1
-            )
-            start = said.start_utc_ns if said.start_utc_ns is not None else found.start_utc_ns
-            doubt = () if given.rate else self._other_rate(found.rate, said.rate, times[0])
-            found = Clock(said.rate, start, (*found.notes, *said.notes, *doubt))
-        elif times:
-            found = self._of_stamps(times, given, found)
-        recording.rate, recording.start_utc_ns = found.rate, found.start_utc_ns
-        recording.notes += found.notes
-        recording.notes += [
-            f"its header has a factor that is not applied: {text} (--u-scale and --i-scale apply one)"
-            for text in factors(self.table)
-        ]
-        rows = clock.announced(self.table, self.layout)
-        if rows and rows != recording.samples:
-            recording.notes.append(f"its header announces {rows} rows, the table has {recording.samples} (cut off?)")
-
-    def _other_rate(self, above: float | None, column: float | None, k: int) -> tuple[str, ...]:
-        """A remark where lines above the table say another rate than the column of times, which holds if it has a unit.
-
-        Raises InputError where it has none: either may be right.
-        """
-        if not above or not column or abs(above / column - 1) < _SAME_RATE:
-            return ()
-        said = f"its header says {above:g} samples/s, its time column {column:g}"
-        if self._time_unit(self.table.units[k]) is None:
-            raise InputError(self.text.path, f"{said}; name the unit of the times, like time [ms], or give --rate")
-        return (f"{said}, which holds (--rate overrules it)",)
-
-    def column(self, number: int) -> Column:
-        """Samples of one column."""
-        if number not in self.values:
-            self._load([number])
-        return Column(self.values[number])
-
-    def _first_fields(self) -> list[str]:
-        fields = split_row(self.head[self.table.first], self.table.separator)
-        if self.layout.columns:
-            fields = [fields[k] if k < len(fields) else "" for k in self.layout.columns]
-        return [*fields, *[""] * (self.table.width - len(fields))]
-
-    def _time_columns(self) -> tuple[list[int], float]:
-        """Columns that tell the time, and seconds per unit: one of numbers, or one or two of stamps."""
-        names, units, first = self.table.names, self.table.units, self._first_fields()
-        stamps = [k for k in range(self.table.width) if not is_number(first[k], self.table.decimal)
-                  and clock.read_stamp(first[k]) is not None]  # fmt: skip
-        if stamps:
-            return stamps[:2], 1.0
-        for k in range(self.table.width):
-            unit = self._time_unit(units[k])
-            key = key_of(names[k])
-            if key in _INDEX or key_of(units[k]) in _INDEX or not is_number(first[k], self.table.decimal):
-                continue
-            if unit is not None or key in _TIMES:
-                return [k], unit or 1.0
-        if not any(names) and self._rises_evenly():
-            return [0], 1.0
-        return [], 1.0
-
-    def _rises_evenly(self) -> bool:
-        """Whether the first column of a table without names rises as times in seconds do."""
-        rows = [split_row(line, self.table.separator) for line in self.head[self.table.first :] if line.strip()]
-        texts = [row[0].replace(",", ".") if self.table.decimal == "," else row[0] for row in rows]
-        if len(texts) < 10 or not all(is_number(one, ".") for one in texts):
-            return False
-        steps = np.diff(np.array([float(one) for one in texts]))
-        slack = _EVEN * steps.mean() + 2 * self._quantum(0)
-        return bool(_TIME_STEPS_S[0] < steps.mean() < _TIME_STEPS_S[1] and np.abs(steps - steps.mean()).max() < slack)
-
-    def _time_unit(self, text: str) -> float | None:
-        """Seconds per unit; None for units that are no time."""
-        try:
-            unit = unit_of(text)
-        except UnknownUnitError:
-            return None
-        return unit.factor if unit is not None and unit.quantity == "t" else None
-
-    def _quantum(self, column: int) -> float:
-        """Step in which a column of times is printed, from the first rows."""
-        digits = 0
-        for line in self.head[self.table.first : self.table.first + 100]:
-            fields = split_row(line, self.table.separator)
-            if column < len(fields):
-                mantissa, _, exponent = fields[column].lower().partition("e")
-                places = len(mantissa.replace(",", ".").partition(".")[2])
-                digits = max(digits, places - (int(exponent) if exponent.lstrip("+-").isdigit() else 0))
-        return 10.0**-digits
-
-    def _refuse_codes(self, needed: list[int], given: ChannelMap) -> None:
-        """Raises InputError for whole numbers in all channels of an oscilloscope that says V for a division."""
-        scaled = next((key for key in self.table.preamble if _CODE_SCALE.search(key)), "")
-        if not scaled or not needed or given.u_scale is not None or given.i_scale is not None:
-            return
-        columns = [self.values[k] for k in needed]
-        whole = all((one == np.rint(one)).all() and np.abs(one).max() < _MOST_CODE for one in columns)
-        if whole and all(np.gcd.reduce(one.astype(np.int64)) == 1 for one in columns):
-            raise InputError(
-                self.text.path,
-                f"its channels hold whole numbers beside {scaled!r}, as codes of a converter; export volts (GW "
-                "Instek: Detail), or say with --u-scale and --i-scale what a code is (vertical scale / 25)",
-            )
-
-    def _of_stamps(self, columns: list[int], given: ChannelMap, above: Clock) -> Clock:
-        """Clock of stamps in one column, or of date and time in two; of coarse ones the start alone.
-
-        `above`: what the lines above the table say.
-        """
-        seconds = np.fromiter(self._stamped(columns), dtype=np.float64)
-        joined = " ".join(self._first_fields()[k] for k in columns)
-        first = clock.read_stamp(joined) or clock.read_stamp(self._first_fields()[columns[-1]])
-        assert first is not None
-        start, notes = clock.start_of(first)
-        places = len(self._first_fields()[columns[-1]].replace(",", ".").rpartition(".")[2].rstrip("Zz "))
-        has_fraction = "." in self._first_fields()[columns[-1]].replace(",", ".")[-12:]
-        quantum = 10.0 ** -(places if has_fraction and places <= 9 else 0)
-        try:
-            said = of_times(self.text.path, seconds, quantum, given, self.table.first + 1)
-        except InputError:
-            period = 1 / above.rate if above.rate else 0.0
-            lasts = float(seconds[-1] - seconds[0]) - (len(seconds) - 1) * period
-            if not period or quantum < period or abs(lasts) > 2 * quantum:  # rows are missing, or the rate is wrong
-                raise
-            return Clock(above.rate, start, (*notes, "its stamps are coarse: the rate above the table counts"))
-        return Clock(said.rate, start, notes)
-
-    def _stamped(self, columns: list[int]) -> Iterator[float]:
-        """Seconds since the first stamp."""
-        base: clock.Stamp | None = None
-        before = 0.0
-        for number, fields in self._fields():
-            text = " ".join(fields[k] for k in columns if k < len(fields))
-            stamp = clock.read_stamp(text) or clock.read_stamp(fields[columns[-1]] if columns[-1] < len(fields) else "")
-            if stamp is None:
-                raise InputError(self.text.path, f"row {number}: {text!r} is no time like the rows before")
-            base = base or stamp
-            days = (stamp.days or 0) - (base.days or 0)
-            value = days * 86_400.0 + stamp.seconds - base.seconds
-            if stamp.days is None and value < before - 43_200:  # over midnight
-                value += 86_400.0
-            before = value
-            yield value
-
-    def _fields(self) -> Iterator[tuple[int, list[str]]]:
-        for number, line in enumerate(self.text.lines(), start=1):
-            if number > self.table.first and line.strip():
-                fields = split_row(line, self.table.separator)
-                if self.layout.columns:
-                    fields = [fields[k] if k < len(fields) else "" for k in self.layout.columns]
-                yield number, fields
-
-    def _load(self, columns: list[int]) -> None:
-        """Numbers of some columns. Raises InputError, which names row and column of anything else."""
-        places = [self.layout.columns[k] for k in columns] if self.layout.columns else columns
-        delimiter = None if self.table.separator == " " else self.table.separator
-        try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # that there are no rows
-                found = np.loadtxt(self._rows(), delimiter=delimiter, usecols=places, ndmin=2, comments=None)
-        except (ValueError, IndexError):
-            raise InputError(self.text.path, self._first_fault(columns)) from None
-        bad = np.argwhere(~np.isfinite(found))
-        if len(bad):
-            row, column = bad[0]
-            raise InputError(
-                self.text.path,
-                f"row {row + self.table.first + 1}, column {columns[column] + 1}: {found[row, column]} is not a number",
-            )
-        for k, column in enumerate(columns):
-            self.values[column] = found[:, k]
-
-    def _rows(self) -> Iterator[str]:
-        comma = self.table.decimal == ","
-        for line in islice(self.text.lines(), self.table.first, None):
-            if line.strip():
-                row = line.replace('"', "")
-                yield row.replace(",", ".") if comma else row
-
-    def _first_fault(self, columns: list[int]) -> str:
-        """Which row and column is not as the first rows promise."""
-        for number, fields in self._fields():
-            if len(fields) < max(columns) + 1 or (fields and not any(fields)):
-                return (
-                    f"row {number} has {len(fields)} columns, expected {self.table.width} as in the header (cut off?)"
-                )
-            for k in columns:
-                if not is_number(fields[k], self.table.decimal):
-                    sign = " (decimal sign?)" if any(c in fields[k] for c in ".,") else ""
-                    return f"row {number}, column {k + 1}: {fields[k]!r} is not a number{sign}"
-        return "is not a table of numbers"
+def _cut_by_commas(table: Table, head: list[str]) -> str:
+    """What to say where rows have twice the fields of the names, which decimal commas between commas make."""
+    above = [split_row(line, ",") for line in head[: table.first]]
+    named = [k for k, row in enumerate(above) if len(row) > 1 and not any(is_number(one, ".") for one in row)]
+    if table.separator != "," or not named or any(name and not is_number(name, ".") for name in table.names):
+        return ""
+    count = len(above[named[-1]])
+    if not 2 * count - (count > 2) <= table.width <= 2 * count:  # whole numbers are printed without a decimal sign
+        return ""
+    return (
+        f"row {named[-1] + 1} names {count} columns, and the rows below have {table.width} fields: decimal commas "
+        "between commas cannot be told apart; export with another separator or with decimal points"
+    )

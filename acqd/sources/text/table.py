@@ -52,6 +52,8 @@ class Table:
     stray: dict[str, str] = field(default_factory=dict)
     """Names of the header row beside the channels, and what stands below them: Start and Increment of Rigol."""
     width: int = 0
+    started: int = 0
+    """Rows above the first one in which some channels have no number yet."""
 
 
 def split_row(line: str, separator: str) -> list[str]:
@@ -148,11 +150,15 @@ def _read_header(table: Table, lines: list[str], layout: Layout) -> None:
     for text in (text for row in rows for text in row):
         if beside := re.fullmatch(r"(?i)tinc\s*=\s*(\S+)", text):  # Rigol: CH1V,CH2V,t0 = -0.1, tInc = 1e-05,
             table.stray["increment"] = beside[1].rstrip("s")
-    candidates = [k for k in range(table.first - 1, -1, -1) if any(rows[k]) and not _is_preamble(rows[k], table.width)]
+    above_names = [k for k in range(table.first - 1, -1, -1) if any(rows[k]) and not _is_preamble(rows[k], table.width)]
+    candidates = [k for k in above_names if not _is_started(rows[k], table)]
+    table.started = len(above_names) - len(candidates)
     if layout.names_row:
         candidates = [layout.names_row - 1]
     names_at = _header_rows(table, [_unlabelled(row, table.width) for row in rows], candidates, layout)
     table.names = _padded(_named(table, layout.names) or names_at, table.width)
+    if not table.units and _are_units_alone(table.names):
+        table.units, table.names = _padded([_bare(text) for text in table.names], table.width), [""] * table.width
     if named := _named(table, layout.units):
         table.units = _padded(named, table.width)
     table.units = table.units or [""] * table.width
@@ -160,6 +166,8 @@ def _read_header(table: Table, lines: list[str], layout: Layout) -> None:
         if not table.units[k]:
             table.names[k], table.units[k] = split_label(name)
             table.units[k] = table.units[k] or codes_word(name)
+    if any(table.units) and not any(table.names):
+        table.names = [f"column {k}" for k in range(table.width)]
 
 
 def _header_rows(table: Table, rows: list[list[str]], candidates: list[int], layout: Layout) -> list[str]:
@@ -188,9 +196,15 @@ def _header_rows(table: Table, rows: list[list[str]], candidates: list[int], lay
 def _is_preamble(row: list[str], width: int) -> bool:
     """Whether a line above the numbers is neither names nor units."""
     said = [text for text in row if text]
-    if row[0].endswith(":") and len(said) < min(3, width):  # a key and its value
-        return True
+    if row[0].endswith(":") and (len(said) < min(3, width) or not all(text.endswith(":") for text in said)):
+        return True  # a key and its values
     return (len(said) == 1 and _DATA.fullmatch(said[0]) is not None) or all(key_of(one) in _TAKEN_AS for one in said)
+
+
+def _is_started(row: list[str], table: Table) -> bool:
+    """Whether a line is a row of the table in which channels are empty, as before the first sample of a slow one."""
+    said = [text for text in row if text]
+    return 0 < len(said) < len(row) >= table.width and all(is_number(text, table.decimal) for text in said)
 
 
 def _unlabelled(row: list[str], width: int) -> list[str]:
@@ -228,6 +242,16 @@ def _are_units(row: list[str]) -> bool:
     return seen > 0 and any(_bare(text) not in ("A", "t", "x", "") for text in row)
 
 
+def _are_units_alone(row: list[str]) -> bool:
+    """Whether the only row above the numbers holds no names: `V,A` and not `time,A,B`."""
+    try:
+        found = [unit_of(_bare(text)) for text in row]
+    except UnknownUnitError:
+        return False
+    quantities = [one.quantity for one in found if one is not None]
+    return len(quantities) == len(row) and all(quantities) and "u" in quantities
+
+
 def _bare(text: str) -> str:
     return text.strip().strip("[]()").strip()
 
@@ -247,7 +271,8 @@ def _note(table: Table, line: str, row: list[str]) -> None:
         return
     match = re.match(r"\s*\"?([^:=]+?)\"?\s*[:=]\s*(.+?)\s*$", line)
     if match:
-        table.preamble.setdefault(key_of(match.group(1)), split_row(match.group(2).strip(), table.separator))
+        said = match.group(2).strip().removeprefix(table.separator)
+        table.preamble.setdefault(key_of(match.group(1)), split_row(said, table.separator))
 
 
 _FACTOR = re.compile(r"multipl|factor|faktor|attenuation|gain|verst.rk|ratio|bersetzung|^(y)?scal(e|ing)(s)?$|skalier")
@@ -267,6 +292,8 @@ def _named(table: Table, keys: tuple[str, ...]) -> list[str]:
     """Values of the first of these lines of the preamble."""
     for key in keys:
         if values := table.preamble.get(key_of(key)):
+            if any(key_of(value) == key_of(key) for value in values):  # a table beside another: keys are in the columns
+                return ["", *("" if key_of(value) == key_of(key) else _bare(value) for value in values)]
             return _aligned([_bare(value.removeprefix("Analog:")) for value in _filled(values)], table.width)
     return []
 

@@ -14,6 +14,7 @@ from typing import Final
 
 from .clock import RealClock, VirtualClock
 from .commands import apply
+from .objects import Firmware
 from .segment import Segment
 from .terminal import EL3783_PRODUCT
 
@@ -26,7 +27,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run until {"quit": true} or the end of standard input; 1: the interface cannot be opened."""
     options = _options(arguments)
     clock = VirtualClock() if options.clock == "lockstep" else RealClock(options.drift_ppm)
-    segment = Segment(clock, options.terminals, advance_ns=options.advance_ns, product=options.product)
+    segment = Segment(
+        clock, options.terminals, advance_ns=options.advance_ns, product=options.product, firmware=options.firmware
+    )
     with socket.socket(socket.AF_PACKET, socket.SOCK_RAW, socket.htons(ETHERTYPE)) as wire:
         try:
             wire.bind((options.interface, ETHERTYPE))
@@ -50,6 +53,7 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--advance-ns", type=int, help="virtual time of one cyclic frame; default: one block")
     parser.add_argument("--drift-ppm", type=float, default=0.0, help="rate error of the real clock")
     parser.add_argument("--product", type=lambda text: int(text, 0), default=EL3783_PRODUCT, help="of terminal 0")
+    parser.add_argument("--firmware", type=lambda text: Firmware(**json.loads(text)), help="JSON of objects.Firmware")
     return parser.parse_args(arguments)
 
 

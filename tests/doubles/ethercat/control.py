@@ -21,7 +21,8 @@ class DoubleError(RuntimeError):
 class EtherCatDouble:
     """Runs `python -m tests.doubles.ethercat` on `interface` and sends it commands.
 
-    `clock` is "lockstep" or "real"; `advance_ns` [ns] and `drift_ppm` are described there. Raises DoubleError.
+    `clock` is "lockstep" or "real"; `advance_ns` [ns] and `drift_ppm` are described there, `firmware` in `objects`.
+    Raises DoubleError.
     """
 
     def __init__(
@@ -33,11 +34,13 @@ class EtherCatDouble:
         advance_ns: int | None = None,
         drift_ppm: float = 0.0,
         product: int | None = None,
+        firmware: dict[str, Any] | None = None,
     ) -> None:
         command = [sys.executable, "-m", "tests.doubles.ethercat", "--interface", interface]
         command += ["--terminals", str(terminals), "--clock", clock, "--drift-ppm", str(drift_ppm)]
         command += [] if advance_ns is None else ["--advance-ns", str(advance_ns)]
         command += [] if product is None else ["--product", hex(product)]
+        command += [] if firmware is None else ["--firmware", json.dumps(firmware)]
         self._process = subprocess.Popen(command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0)
         self._pending = b""
         try:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from .objects import CHANNELS, CURRENT_RANGE, DIAGNOSIS, FACTORS, NEXT_SYNC1_TIME, SAMPLE_COUNT
+from .objects import CHANNELS, CURRENT_RANGE, DIAGNOSIS, FACTORS, NEXT_SYNC1_TIME, SAMPLE_COUNT, Firmware
 
 
 class MappingError(ValueError):
@@ -34,6 +34,7 @@ class Block:
 class Layout:
     """Places in the image, counted in words of two bytes."""
 
+    firmware: Firmware = field(default_factory=Firmware)
     factor: int = 1
     size: int = 0
     status: list[tuple[int, int]] = field(default_factory=list)
@@ -53,24 +54,32 @@ class Layout:
             self._scalar(unsigned, place, index, block)
         return words.tobytes()
 
-    @staticmethod
-    def _scalar(words: NDArray[np.uint16], place: int, index: int, block: Block) -> None:
-        if index == NEXT_SYNC1_TIME:
-            words[place : place + 4] = np.frombuffer(block.next_time.to_bytes(8, "little"), dtype="<u2")
-        else:
-            values = {SAMPLE_COUNT: block.count, DIAGNOSIS: block.diagnosis, CURRENT_RANGE: block.ranges}
-            words[place] = values[index]
+    def _scalar(self, words: NDArray[np.uint16], place: int, index: int, block: Block) -> None:
+        values = {
+            NEXT_SYNC1_TIME: block.next_time, SAMPLE_COUNT: block.count, DIAGNOSIS: block.diagnosis,
+            CURRENT_RANGE: block.ranges,
+        }  # fmt: skip
+        size = self._words(index)
+        low = values[index] % (1 << 16 * size)
+        words[place : place + size] = np.frombuffer(low.to_bytes(2 * size, "little"), dtype="<u2")
+
+    def _words(self, index: int) -> int:
+        return self.firmware.time_words if index == NEXT_SYNC1_TIME else self.firmware.scalar_words
+
+    def add_scalar(self, index: int) -> None:
+        """The next part of the image."""
+        self.scalars.append((self.size, index))
+        self.size += self._words(index)
 
 
-def layout(assignment: list[int]) -> Layout:
+def layout(assignment: list[int], firmware: Firmware) -> Layout:
     """Places of the assigned PDOs, in their order. Raises MappingError where the factors differ."""
-    found = Layout()
+    found = Layout(firmware)
     factors: list[int] = []
     for index in assignment:
         channel, kind = divmod(index - 0x1A00, 0x10)
         if channel >= CHANNELS:
-            found.scalars.append((found.size, index))
-            found.size += 4 if index == NEXT_SYNC1_TIME else 1
+            found.add_scalar(index)
         elif kind == 0:
             found.status.append((found.size, channel))
             found.size += 1

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import Final
+from dataclasses import dataclass
+from typing import Final, Literal
 
 from .dictionary import (
     COUNT_NOT_ZERO,
@@ -38,19 +39,32 @@ STATUS_BITS: Final = ((1, 1), (2, 1), (3, 2), (5, 2), (7, 1), (0, 6), (0x0E, 1),
 """(subindex, bits) of a status word; subindex 0 is padding."""
 
 
+@dataclass(frozen=True)
+class Firmware:
+    """What no document says, and a terminal may do otherwise."""
+
+    time_words: int = 4
+    """Words of NextSync1Time: 4, or 2 for its low half."""
+    scalar_words: int = 1
+    """Words of SampleCount, diagnosis and range."""
+    counts: Literal["blocks", "samples", "nothing"] = "blocks"
+    says_range: bool = True
+    """Whether the PDO of the range exists."""
+
+
 class TerminalObjects(Dictionary):
     """All objects of one terminal; `state` tells its present state, on which writing depends."""
 
-    def __init__(self, identity: Identity, state: Callable[[], int]) -> None:
+    def __init__(self, identity: Identity, state: Callable[[], int], firmware: Firmware) -> None:
         super().__init__()
         self._state = state
-        self._identity = identity
+        self._identity, self._firmware = identity, firmware
         self.reset()
 
     def reset(self) -> None:
         """Values after power-on."""
         self._describe()
-        for index, entries in mappings():
+        for index, entries in mappings(self._firmware):
             self.array(index, (U32.pack(entry) for entry in entries))
         self.array(0x1C00, (bytes((kind,)) for kind in (1, 2, 3, 4)))
         self.array(0x1C12, ())
@@ -117,7 +131,8 @@ class TerminalObjects(Dictionary):
             raise SdoAbort(COUNT_NOT_ZERO)
         if subindex > MAXIMUM:
             raise SdoAbort(NO_SUBINDEX)
-        if not 0x1A00 <= U16.unpack(data)[0] <= CURRENT_RANGE:
+        pdo = U16.unpack(data)[0]
+        if not 0x1A00 <= pdo <= CURRENT_RANGE or (pdo == CURRENT_RANGE and not self._firmware.says_range):
             raise SdoAbort(NOT_MAPPABLE)
         entries[subindex] = data
 
@@ -131,16 +146,16 @@ class TerminalObjects(Dictionary):
         self._objects[ASSIGNMENT] = {0: bytes((count,)), **dict(enumerate(indices, start=1))}
 
 
-def mappings() -> Iterator[tuple[int, list[int]]]:
+def mappings(firmware: Firmware) -> Iterator[tuple[int, list[int]]]:
     """Index and entries (object, subindex, bits as one number) of every PDO mapping object."""
     for channel in range(CHANNELS):
         base = 0x10 * channel
         yield 0x1A00 + base, [_entry(0x6000 + base if sub else 0, sub, bits) for sub, bits in STATUS_BITS]
         for j, factor in enumerate(FACTORS):
             yield 0x1A01 + base + j, [_entry(0x6002 + base, k, 16) for k in range(1, factor + 1)]
-    yield NEXT_SYNC1_TIME, [_entry(0x6060, 1, 64)]
+    yield NEXT_SYNC1_TIME, [_entry(0x6060, 1, 16 * firmware.time_words)]
     for index in (SAMPLE_COUNT, DIAGNOSIS, CURRENT_RANGE):
-        yield index, [_entry(0x6000 + index - 0x1A00, 1, 16)]
+        yield index, [_entry(0x6000 + index - 0x1A00, 1, 16 * firmware.scalar_words)]
 
 
 def _entry(index: int, subindex: int, bits: int) -> int:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from .clock import RealClock, VirtualClock
 from .esc import SlaveController
+from .objects import Firmware
 from .ring import LRD, LRW, Datagram, execute, parse
 from .terminal import EL3783_PRODUCT, Coupler, PowerTerminal
 
@@ -30,10 +31,13 @@ class Segment:
         *,
         advance_ns: int | None = None,
         product: int = EL3783_PRODUCT,
+        firmware: Firmware | None = None,
     ) -> None:
         self.clock = clock
         self._advance = advance_ns
-        self.terminals = [PowerTerminal(k, clock, product if k == 0 else EL3783_PRODUCT) for k in range(terminals)]
+        self.terminals = [
+            PowerTerminal(k, clock, product if k == 0 else EL3783_PRODUCT, firmware) for k in range(terminals)
+        ]
         self._coupler = Coupler(clock)
         self._present = terminals
         self.connected = True

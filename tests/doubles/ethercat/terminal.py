@@ -15,7 +15,7 @@ from .clock import Clock
 from .coe import SdoServer
 from .esc import INPUTS, SlaveController
 from .image import Block, Layout, MappingError, layout
-from .objects import CHANNELS, RANGE_1A, TerminalObjects
+from .objects import CHANNELS, RANGE_1A, Firmware, TerminalObjects
 from .registers import U16
 from .states import INVALID_INPUTS, INVALID_MAILBOX, INVALID_MAPPING, INVALID_SYNC, PREOP, SAFEOP
 
@@ -59,10 +59,13 @@ class Faults:
 class PowerTerminal(SlaveController):
     """EL3783 number `number` (0, 1, ...) behind the coupler; sends WaveTable(seed=1 + number)."""
 
-    def __init__(self, number: int, clock: Clock, product: int = EL3783_PRODUCT) -> None:
+    def __init__(
+        self, number: int, clock: Clock, product: int = EL3783_PRODUCT, firmware: Firmware | None = None
+    ) -> None:
         name = "EL3783" if product == EL3783_PRODUCT else f"EL{product >> 16}"
         identity = sii.Identity(BECKHOFF, product, EL3783_REVISION, number + 1, name, "MeasuringTerminal")
-        self.objects = TerminalObjects(identity, lambda: self.states.state)
+        self._firmware = firmware or Firmware()
+        self.objects = TerminalObjects(identity, lambda: self.states.state, self._firmware)
         self._server = SdoServer(self.objects, MAILBOX_SIZE)
         super().__init__(sii.image(identity, MANAGERS), clock, 1 + number, 0b00001010)
         self._table = WaveTable(seed=1 + number)
@@ -111,7 +114,7 @@ class PowerTerminal(SlaveController):
 
     def _check_inputs(self) -> int:
         try:
-            found = layout(self.objects.assignment())
+            found = layout(self.objects.assignment(), self._firmware)
         except MappingError:
             return INVALID_MAPPING
         if U16.unpack_from(self.memory, INPUTS + 2)[0] != 2 * found.size:
@@ -163,7 +166,8 @@ class PowerTerminal(SlaveController):
             return Block(None, self._status(INVALID), ranges=ranges)
         next_time = (self.clock.start or 0) + (number + 1) * self.period + self.clock.shift
         status = self._status(TOGGLE if number & 1 else 0)
-        return Block(self._codes(number, ranges), status, next_time % (1 << 64), number & 0xFFFF, 0, ranges)
+        step = {"blocks": 1, "samples": self._layout.factor, "nothing": 0}[self._firmware.counts]
+        return Block(self._codes(number, ranges), status, next_time % (1 << 64), number * step, 0, ranges)
 
     def _codes(self, number: int, ranges: int) -> NDArray[np.int16]:
         codes = self._table.codes(self.first_sample(number), self._layout.factor)

@@ -38,6 +38,26 @@ def test_a_rate_in_kilohertz_and_a_step_in_microseconds_are_understood(tmp_path)
     assert_metered(load_waveform(mat(tmp_path, u1=U, i1=I, dt_us=1e6 / RATE, n=np.arange(len(T)))))
 
 
+@pytest.mark.parametrize(
+    "named",
+    [
+        {"s": {"t": "T", "Va": 0, "Vb": 1, "Vc": 2, "Ia": 3, "Ib": 4, "Ic": 5}},
+        {"t": "T", "Vabc": slice(0, 3), "Iabc": slice(3, 6)},
+        {"tout": "T", "logs": {"Vabc": slice(0, 3), "Iabc": slice(3, 6)}},
+    ],
+)
+def test_phases_of_structs_and_matrices_are_in_their_order(tmp_path, named):
+    columns = np.stack([*(k * U for k in (1.0, 0.9, 0.8)), *(k * I for k in (1.0, 0.7, 0.5))], axis=1)
+
+    def made(one):
+        if isinstance(one, dict):
+            return {name: made(value) for name, value in one.items()}
+        return T if one == "T" else columns[:, one]
+
+    waveform = load_waveform(mat(tmp_path, **made(named)))
+    np.testing.assert_array_equal(waveform.codes, columns[:, [0, 3, 1, 4, 2, 5]])
+
+
 def test_inputs_of_an_oscilloscope_need_a_map(tmp_path):
     path = written(tmp_path, writers.mat_picoscope)
     with pytest.raises(InputError, match=r"--map u1="):

@@ -28,6 +28,8 @@ def test_a_slave_whose_identity_was_lost_is_worth_another_try_where_a_terminal_i
     assert found(COUPLER, TERMINAL, UNREAD) == [1], "a slave with an empty EEPROM that nobody needs"
     with pytest.raises(SegmentError, match="slave 2 does not say what it is"):
         found(COUPLER, UNREAD)
+    with pytest.raises(SegmentError, match=r"expected 1 EL3783 .*found 0 .*check power"):
+        found(COUPLER)
     for slaves in ((COUPLER, OTHER), (COUPLER, TERMINAL, TERMINAL, UNREAD)):
         with pytest.raises(UserError, match="expected 1 EL3783"):
             found(*slaves)

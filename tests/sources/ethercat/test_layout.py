@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ from acqd.errors import UserError
 from acqd.sources.ethercat import objects
 from acqd.sources.ethercat.assemble import Assembler
 from acqd.sources.ethercat.layout import Block, build_layout
+from acqd.sources.ethercat.sample_count import SampleCount
 from acqd.sources.ethercat.settings import EthercatSettings
 
 
@@ -74,3 +77,24 @@ def test_a_sample_count_of_blocks_or_samples_is_recognised_and_then_held_to(step
     assert not any(flags)
     late = Block(np.zeros((6, 20), np.int16), 31_000_000, 12_345 % (1 << 8 * width), np.zeros(6, np.uint16), 0)
     assert assembler.add([late])[0].flags == {"sync_error"}
+
+
+@pytest.mark.parametrize("step", [1, 20])
+def test_a_count_that_begins_late_is_learnt_then_and_one_that_never_rises_says_nothing(step):
+    known = SampleCount(20, 2)
+    assert not any(known.contradicts(7, 1) for _ in range(5)), "it stands still"
+    assert not any(known.contradicts(7 + k * step, 1) for k in range(1, 5))
+    assert not known.contradicts(7 + 6 * step, 2), "a block was lost"
+    assert known.contradicts(7 + 6 * step, 1) and known.contradicts(7 + 6 * step + 3, 1)
+    assert not known.contradicts(7 + 7 * step + 3, 1)
+
+
+def test_terminals_that_count_differently_are_each_held_to_their_count():
+    settings = EthercatSettings("x", terminals=2, phases=("1:L1", "2:L1"))
+    assembler = Assembler(settings, 1_000_000, 20, 2)
+    pairs = list(zip(blocks(10, 1), blocks(10, 20), strict=True))
+    assert not any(assembler.add(list(pair))[0].flags for pair in pairs[:8])
+    one, other = pairs[9]
+    assert assembler.add([replace(one, next_sync1_ns=9_000_000), replace(other, next_sync1_ns=9_000_000)])[0].flags == {
+        "sync_error"
+    }
