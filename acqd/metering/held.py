@@ -8,7 +8,7 @@ from collections import deque
 import numpy as np
 
 from acqd.arrays import Floats
-from acqd.metering.bent import Bent
+from acqd.metering.agreement import Agreement
 from acqd.metering.frequency import Estimate
 from acqd.metering.onset import Cycles
 from acqd.metering.packed import State
@@ -16,9 +16,6 @@ from acqd.metering.sideband import Sideband
 
 _REMEMBERED = 15  # windows
 _OFTEN = 5  # unsteady ones among them: an interharmonic rather than jumps
-_SWING = 0.15
-"""Hz, second difference of the f of windows. The fit is wrong by T^2 / 42 times the second derivative of f (T: two
-cycles), which is 10 mHz for a second difference of 0.26 Hz at 10 Hz, where f swings too fast for three windows."""
 
 
 class HeldFrequency:
@@ -34,23 +31,16 @@ class HeldFrequency:
         """Hz."""
         self._sideband = Sideband(window_s)
         self._recent: deque[tuple[float, bool]] = deque(maxlen=_REMEMBERED)
-        self._before: tuple[float, float] = (math.nan, math.nan)  # Hz: f of the last two windows
-        self._swings = False
-        self._bent = Bent(window_s * f_nominal)
+        self._agreement = Agreement()
 
     @property
     def unsettled(self) -> bool:
         """Whether the f of the last window is in doubt.
 
-        It may be moved by an interharmonic, and too few windows are known to tell; it swings within two cycles; or the
-        phase within them is bent as by a step of f.
+        It may be moved by an interharmonic, and too few windows are known to tell; or f changes within the two cycles,
+        and another estimate says another mean of it.
         """
-        return self._swings or self._bent.now or self._sideband.unsettled
-
-    def _follow(self, f: float) -> None:
-        first, second = self._before
-        self._swings = abs(f - 2 * second + first) > _SWING
-        self._before = second, f
+        return self._agreement.doubted or self._sideband.unsettled
 
     @property
     def calm(self) -> bool:
@@ -63,10 +53,9 @@ class HeldFrequency:
         while (done := len(unsettled)) < len(f):
             quiet = self._sideband.note_quiet(f[done:], magnitude[done:])
             if quiet:
-                for value in f[max(done, done + quiet - 3) : done + quiet]:
-                    self._follow(value)
                 self._recent.extend((value, False) for value in f[done : done + quiet][-_REMEMBERED:])
-                unsettled += [self._bent.note(one.bend) for one in cycles[done : done + quiet]]
+                pairs = zip(f[done : done + quiet], cycles[done : done + quiet], strict=True)
+                unsettled += [self._agreement.note(value, one.apart) for value, one in pairs]
             elif self.note(f[done], magnitude[done], cycles[done]):
                 unsettled.append(self.unsettled)
             else:
@@ -79,8 +68,7 @@ class HeldFrequency:
             self._sideband.forget_last()
             return False
         self._recent.append((f, False))
-        self._follow(f)
-        self._bent.note(cycles.bend)
+        self._agreement.note(f, cycles.apart)
         return True
 
     def state(self) -> State:
@@ -88,22 +76,21 @@ class HeldFrequency:
         recent = [[value, bool(bent)] for value, bent in self._recent]
         return {
             "last": self.last, "sideband": self._sideband.state(), "recent": recent,
-            "before": list(self._before), "swings": self._swings, "bent": self._bent.state(),
+            "agreement": self._agreement.state(),
         }  # fmt: skip
 
     def restore(self, state: State) -> None:
         """Go on where `state` was taken."""
-        self.last, self._swings = state["last"], state["swings"]
+        self.last = state["last"]
         self._sideband.restore(state["sideband"])
-        if "bent" in state:  # the state of an earlier acqd has no such key
-            self._bent.restore(state["bent"])
+        if "agreement" in state:  # the state of an earlier acqd has no such key
+            self._agreement.restore(state["agreement"])
         self._recent = deque(((value, bent) for value, bent in state["recent"]), maxlen=_REMEMBERED)
-        self._before = tuple(state["before"])
 
     def reset(self) -> None:
         """The next window does not follow the last one."""
         self._sideband.reset()
-        self._before = (math.nan, math.nan)
+        self._agreement.reset()
 
     def usable(self, estimate: Estimate) -> tuple[Floats, Floats, np.ndarray]:
         """f of consecutive windows, NaN where it is not known or not to be trusted; what f is about there; `unsettled`.
@@ -112,12 +99,12 @@ class HeldFrequency:
         """
         unsettled = np.zeros(len(estimate.f), dtype=bool)
         f, substitute = estimate.f.copy(), np.full(len(estimate.f), np.nan)
-        seen = (f, estimate.unsteady, estimate.magnitude, estimate.bend, estimate.swell)
+        seen = (f, estimate.unsteady, estimate.magnitude, estimate.bend, estimate.swell, estimate.apart)
         columns = zip(*(column.tolist() for column in seen), strict=True)
-        for k, (raw, unsteady, magnitude, bend, swell) in enumerate(columns):
+        for k, (raw, unsteady, magnitude, *cycles) in enumerate(columns):
             if raw == raw:
                 self._recent.append((raw, unsteady))
-            without = self._sideband.note(raw, magnitude, Cycles(bend, swell), steady=not unsteady)
+            without = self._sideband.note(raw, magnitude, Cycles(*cycles), steady=not unsteady)
             disturbed = sum(bent for _, bent in self._recent) >= _OFTEN
             if without is not None:
                 substitute[k] = without
@@ -125,8 +112,7 @@ class HeldFrequency:
                 substitute[k] = np.median([value for value, _ in self._recent])
             if unsteady or disturbed or without is not None:
                 f[k] = np.nan
-            self._follow(float(f[k]))
-            self._bent.note(bend)
+            self._agreement.note(float(f[k]), math.nan if unsteady else cycles[-1])
             unsettled[k] = self.unsettled and f[k] == f[k]
         return f, substitute, unsettled
 

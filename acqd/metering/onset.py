@@ -21,8 +21,11 @@ _MARGIN = 4.0
 """Of the limit for how much f varies with the magnitude, which holds for pure lines."""
 _MOVED = 100.0
 """Hz per rad of `Cycles`: an interharmonic that begins moves f by so much at most."""
+_TURNED = 60.0
+"""Hz per rad of the largest swell: one that goes on moves f from end to end by so much at most. With the share a and the
+beat b it is 2 a b, and ln(magnitude) has then changed by up to 2 pi a b in a second, a swell of 0.04 a b or more."""
 _CALM = 0.0003
-"""Of `Cycles`: a step of f within the window bends the phase by more where it puts f off by 10 mHz."""
+"""Of `Cycles.swell`: a step or a ramp of f itself does not change the magnitude by more."""
 _BEATING = 0.0005
 """Of bend and swell of `Cycles`: an interharmonic far from f has both, a ramp or a swing of f and a step of the voltage
 only one."""
@@ -42,14 +45,16 @@ class Cycles(NamedTuple):
     """rad."""
     swell: float
     """Of ln(magnitude)."""
+    apart: float
+    """Hz."""
 
     @property
     def beat(self) -> bool:
         """Whether they do what they do beside an interharmonic."""
-        return min(self) > _BEATING or self.swell > _SWELLING
+        return min(self.bend, self.swell) > _BEATING or self.swell > _SWELLING
 
 
-UNKNOWN = Cycles(math.nan, math.nan)
+UNKNOWN = Cycles(math.nan, math.nan, math.nan)
 
 
 class Onset:
@@ -63,24 +68,25 @@ class Onset:
         self._least_Hz, self._windows, self._fastest_Hz, self._edge = least_Hz, windows, fastest_Hz, edge
         self._limit_Hz = least_Hz
         self._varied = 0
-        self._swelled = False
+        self._swelled, self._most_swell = False, 0.0  # since f has begun to vary
         self.doubted = False
         """Whether f varies unusually, and has for less than the windows."""
 
     def reset(self) -> None:
         """The next windows do not follow the last ones; what is usual stays."""
-        self._varied, self._swelled, self.doubted = 0, False, False
+        self._varied, self._swelled, self._most_swell, self.doubted = 0, False, 0.0, False
 
     def state(self) -> State:
         """What is known of the stream so far."""
         return {
-            "limit_Hz": self._limit_Hz, "varied": self._varied, "swelled": self._swelled, "doubted": self.doubted,
+            "limit_Hz": self._limit_Hz, "varied": self._varied, "swelled": self._swelled,
+            "most_swell": self._most_swell, "doubted": self.doubted,
         }  # fmt: skip
 
     def restore(self, state: State) -> None:
         """Go on where `state` was taken."""
         self._limit_Hz, self._varied, self.doubted = state["limit_Hz"], state["varied"], state["doubted"]
-        self._swelled = state.get("swelled", False)
+        self._swelled, self._most_swell = state.get("swelled", False), state.get("most_swell", math.inf)
 
     def note(
         self, spread_Hz: float, f: Collection[float], magnitude: Collection[float], cycles: Cycles = UNKNOWN, *,
@@ -94,13 +100,15 @@ class Onset:
             self._limit_Hz = max(self._least_Hz, _MORE * spread_Hz, self._limit_Hz * _REMEMBERED)
         else:
             self._varied += 1
+            self._most_swell = max(cycles.swell, self._most_swell)  # NaN: nobody knows
             few, edge = self._varied < self._windows, self._varied <= self._edge
             if edge:
-                swerve = max(cycles)
-                self._swelled |= cycles.swell > _CALM  # f itself does not change the magnitude
-                self.doubted = self._swelled or not (swerve < _CALM and spread_Hz > _MOVED * swerve)
+                swerve = max(cycles.bend, cycles.swell)
+                self._swelled |= cycles.swell > _CALM
+                self.doubted = self._swelled or not spread_Hz > _MOVED * swerve
             else:
-                self.doubted = few and (cycles.beat or self._movable(f, magnitude))
+                turned = not max(f) - min(f) > _TURNED * self._most_swell
+                self.doubted = few and turned and (cycles.beat or self._movable(f, magnitude))
             if self._varied >= self._windows:
                 self._limit_Hz = _MORE * spread_Hz
 

@@ -33,6 +33,8 @@ _SLOWEST = 0.8
 """Beats in the windows at least; fewer cannot be told from the parabola."""
 _ONE_SIDED = 4.0
 """Power of the line over that of its mirror image."""
+_BEATS = 2
+"""Windows running that show a beat, at the start of a stream: the edge of a dip is in one."""
 _JUMPS = 3
 """Windows with a bent phase that a phase jump makes; more among the first of the lengths are an interharmonic's."""
 _EXPLAINED = 0.6
@@ -68,21 +70,24 @@ class Sideband:
         self.beating = False
         """Whether an interharmonic moved f in the last window."""
         self._lost = False  # it did in the window before, and cannot be found in the last one
+        self._beats = 0  # windows running that beat, of a stream that has just begun
         self._onset = Onset(SPREAD, lengths[-1], FASTEST / window_s, edge=2)
 
     @property
     def unsettled(self) -> bool:
         """Whether f has begun to vary, and too few windows are known to tell an interharmonic from a swing of f; or an
-        interharmonic that moved f cannot be found any more: nobody knows yet whether it has ended.
+        interharmonic that moved f cannot be found any more: nobody knows yet whether it has ended; or the stream has
+        just begun, and its windows look as beside an interharmonic.
         """
-        return self._onset.doubted or self._lost
+        return self._onset.doubted or self._lost or self._beats >= _BEATS
 
     def state(self) -> State:
         """What is known of the stream so far."""
         return {
             "f": list(self._f), "magnitude": list(self._magnitude), "bent": list(self._bent),
             "bounds": [self._low, self._high, self._left], "next": self._next,
-            "suspected": self._suspected, "beating": self.beating, "onset": self._onset.state(),
+            "suspected": self._suspected, "beating": self.beating, "beats": self._beats,
+            "onset": self._onset.state(),
         }  # fmt: skip
 
     def restore(self, state: State) -> None:
@@ -92,6 +97,7 @@ class Sideband:
             values.extend(state[name])
         self._low, self._high, self._left = state["bounds"]
         self._next, self._suspected, self.beating = state["next"], state["suspected"], state["beating"]
+        self._beats = state.get("beats", 0)
         self._onset.restore(state["onset"])
 
     def reset(self) -> None:
@@ -99,7 +105,7 @@ class Sideband:
         self._f.clear()
         self._magnitude.clear()
         self._bent.clear()
-        self._left = 0
+        self._left = self._beats = 0
         self.beating = self._suspected = False
         self._onset.reset()
 
@@ -118,6 +124,7 @@ class Sideband:
             f, magnitude = self._f[-1], self._magnitude[-1]
         self._f.append(f)
         self._magnitude.append(magnitude)
+        self._beats = self._beats + 1 if cycles.beat and len(self._f) < self._lengths[0] else 0
         forgotten = self._bound(f)
         spread = self._high - self._low
         varies = spread >= SPREAD
@@ -137,7 +144,7 @@ class Sideband:
     def note_quiet(self, f: Sequence[float], magnitude: Sequence[float]) -> int:
         """Takes some of the next windows at once, all steady, if f does not vary in them; how many it has taken."""
         count = min(self._left, len(f))
-        if not count:
+        if not count or len(self._f) < self._lengths[0]:
             return 0
         f, magnitude = f[:count], magnitude[:count]
         low, high = min(self._low, min(f)), max(self._high, max(f))

@@ -15,6 +15,7 @@ from functools import lru_cache
 import numpy as np
 
 from acqd.arrays import Floats
+from acqd.metering.walk import mean_weights
 
 CYCLES = 7
 """One-cycle phasors per stretch, which show phase jumps."""
@@ -35,6 +36,9 @@ class Trial:
     edges: Floats
     """[2, CYCLES] begin and end of the one-cycle phasors [samples]; the last ends with the stretch."""
 
+    mean: Floats
+    """[CYCLES]: phases of the one-cycle phasors [rad] times this are Hz of the mean f over the two cycles above the
+    trial, whatever f does within them (`walk`)."""
     phasors: Floats
     """[samples, 2, CYCLES]: voltage times this is the real part and the negative imaginary part of the phasors."""
 
@@ -61,7 +65,8 @@ def make_trial(f: float, rate: float, samples: int, window: int) -> Trial:
     turn = np.ascontiguousarray(np.stack((cos[:, 0], sin[:, 0])))
     end = np.linspace(rate / f, samples, CYCLES)
     edges = np.stack((end - rate / f, end))
-    return Trial(np.ascontiguousarray(rows.T), turn, edges, _phasors(turn, edges))
+    mean = mean_weights(edges, start, stop, rate)
+    return Trial(np.ascontiguousarray(rows.T), turn, edges, mean, _phasors(turn, edges))
 
 
 def interval_of(f: float, rate: float, samples: int, window: int) -> tuple[float, float]:

@@ -33,7 +33,7 @@ struct state {
 };
 
 /* Vectors of a trial: COLUMNS x fit doubles, EDGES positions in rising order, EDGES numbers of phasors (begin: j, end:
-   PHASORS + j), and room to read beyond. Where a vector holds one sample, the weights of a sample are neighbours;
+   PHASORS + j), PHASORS weights of their phases, and room to read beyond. Where a vector holds one sample, the weights of a sample are neighbours;
    otherwise those of a column are. */
 #if CHANNELS > 4
 #define WEIGHT(column, sample) ((sample)*COLUMNS + (column))
@@ -184,14 +184,14 @@ INLINE struct fit project(vec edges[EDGES][2], struct sums *before, struct sums 
 }
 
 /* What the one-cycle phasors say: distance of a phase from the parabola through all [rad], the largest; half of what
-   ln(magnitude) varies by. */
+   ln(magnitude) varies by; mean of an f that walks, above the trial [Hz], later what it differs from f by. */
 struct cycles {
-    double bend, swell;
+    double bend, swell, apart;
 };
 
-static struct cycles cycles_of(vec edges[EDGES][2], int channels, const double *bend)
+static struct cycles cycles_of(vec edges[EDGES][2], int channels, const double *bend, const double *mean)
 {
-    double joint[PHASORS][2] = {{0}}, phase[PHASORS], largest = 0, least = INFINITY, most = 0;
+    double joint[PHASORS][2] = {{0}}, phase[PHASORS], largest = 0, walked = 0, least = INFINITY, most = 0;
     for (int c = 0; c < channels; c += 2) {
         double re[PHASORS], im[PHASORS], mean_re = 0, mean_im = 0;
         for (int j = 0; j < PHASORS; j++) {
@@ -208,6 +208,7 @@ static struct cycles cycles_of(vec edges[EDGES][2], int channels, const double *
     for (int j = 0; j < PHASORS; j++) {
         const double square = joint[j][0] * joint[j][0] + joint[j][1] * joint[j][1];
         phase[j] = atan2(joint[j][1], joint[j][0]);
+        walked += phase[j] * mean[j];
         least = fmin(least, square);
         most = fmax(most, square);
     }
@@ -217,7 +218,7 @@ static struct cycles cycles_of(vec edges[EDGES][2], int channels, const double *
             rest += phase[k] * bend[k * PHASORS + j];
         largest = fmax(largest, fabs(rest));
     }
-    return (struct cycles){largest, log(most / fmax(least, 1e-300)) / 4};
+    return (struct cycles){largest, log(most / fmax(least, 1e-300)) / 4, walked};
 }
 
 /* f from that of the cycles and that of the stretch, and what the next window needs (acqd/metering/two_fits.py). */
@@ -280,10 +281,12 @@ INLINE double frequency(const struct form *form, struct state *state, struct fit
         const int credible = f >= form->f_low && f <= form->f_high && weights / 2 >= form->purity * fmax(power, 1e-30);
         if (!credible)
             break;
-        *cycles = cycles_of(edges, channels, form->bend);
+        *cycles = cycles_of(edges, channels, form->bend, trial + COLUMNS * form->fit + 2 * EDGES);
         if (cycles->bend > form->steady)
             break;
-        return joint(form, state, f, (double)point * form->grid + slow_turns / turned);
+        f = joint(form, state, f, (double)point * form->grid + slow_turns / turned);
+        cycles->apart += (double)point * form->grid - f;
+        return f;
     }
     state->reason = UNUSUAL;
     return 0;
@@ -365,7 +368,7 @@ INLINE struct sums interval(struct sums window, const void *codes, int bits, int
 
 /* Rows of the result, each with one value per window; from VRMS on, each stands for one row per phase. Python writes
    IMPORTED and EXPORTED. */
-enum { F, FLAGS, MAGNITUDE, BEND, SWELL, VRMS };
+enum { F, FLAGS, MAGNITUDE, BEND, SWELL, APART, VRMS };
 enum { IRMS = 1, POWER, REACTIVE, IMPORTED, EXPORTED, ENERGY, U_DC, I_DC, U_PEAK, I_PEAK, U_RE, U_IM, I_RE, I_IM };
 #define ROW(quantity, phase) (VRMS + (quantity) * (channels / 2) + (phase))
 
@@ -433,6 +436,7 @@ INLINE int one_window(const struct form *form, struct state *state, const double
     out[MAGNITUDE * stride] = sqrt(magnitude);
     out[BEND * stride] = cycles.bend;
     out[SWELL * stride] = cycles.swell;
+    out[APART * stride] = cycles.apart;
     next.trial = f;
     next.last = f;
     next.reason = DONE;
@@ -525,7 +529,7 @@ INLINE int quiet(const struct form *form, const void *codes, int bits, int chann
     }
     out[F] = NAN;
     out[FLAGS] = (double)flags;
-    out[MAGNITUDE] = out[BEND] = out[SWELL] = 0;
+    out[MAGNITUDE] = out[BEND] = out[SWELL] = out[APART] = 0;
     return 1;
 }
 
