@@ -21,7 +21,8 @@ _TIMES_USUAL = 5.0
 _SWINGS, _LEAST_THEN = 0.15, 0.004
 """Hz: second difference of the f of windows that is no noise, and what the two may differ by then."""
 _LASTS = 3
-"""Windows, for a swing has turning points."""
+"""Windows, for a swing has turning points. A step of f has two or three such second differences, a swing goes on: no
+estimate of two cycles follows it."""
 _FEW = 25
 """Windows of which the mean difference is plain; later each one counts as among so many."""
 
@@ -34,17 +35,20 @@ class Agreement:
         self._known = 0
         self._before: tuple[float, float] = (math.nan, math.nan)  # Hz: f of the last two windows
         self._swung = 0  # windows that still count as those of a swing
+        self._turns = 0  # second differences in it
         self.doubted = False
         """Whether the f of the last window is in doubt."""
 
     def note(self, f: float, apart_Hz: float) -> bool:
-        """`doubted`, of the next window of `f` [Hz], from which the other estimate differs by `apart_Hz`; NaN: unknown."""
+        """`doubted`, of the next window: the other estimate differs from `f` [Hz] by `apart_Hz`; NaN: unknown."""
         first, second = self._before
         self._before = second, f
-        self._swung = _LASTS if abs(f - 2 * second + first) > _SWINGS else max(self._swung - 1, 0)
+        turns = abs(f - 2 * second + first) > _SWINGS
+        self._swung = _LASTS if turns else max(self._swung - 1, 0)
+        self._turns = self._turns + turns if self._swung else 0
         apart = abs(apart_Hz)
         limit = _LEAST_THEN if self._swung else min(max(_LEAST, _TIMES_USUAL * self._usual), _MOST)
-        self.doubted = apart > limit
+        self.doubted = apart > limit or self._turns > _LASTS
         if apart <= _MOST and not self._swung:
             self._known = min(self._known + 1, _FEW)
             self._usual += (apart - self._usual) / self._known
@@ -52,13 +56,17 @@ class Agreement:
 
     def reset(self) -> None:
         """The next window does not follow the last one; what is noise stays."""
-        self._before, self._swung = (math.nan, math.nan), 0
+        self._before, self._swung, self._turns = (math.nan, math.nan), 0, 0
 
     def state(self) -> State:
         """What is known of the stream so far."""
-        return {"usual": self._usual, "known": self._known, "before": list(self._before), "swung": self._swung}
+        return {
+            "usual": self._usual, "known": self._known, "before": list(self._before), "swung": self._swung,
+            "turns": self._turns,
+        }  # fmt: skip
 
     def restore(self, state: State) -> None:
         """Go on where `state` was taken."""
-        self._usual, self._known, self._swung = state["usual"], state["known"], state["swung"]
+        self._usual, self._known = state["usual"], state["known"]
+        self._swung, self._turns = state["swung"], state["turns"]
         self._before = tuple(state["before"])

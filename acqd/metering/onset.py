@@ -22,8 +22,9 @@ _MARGIN = 4.0
 _MOVED = 100.0
 """Hz per rad of `Cycles`: an interharmonic that begins moves f by so much at most."""
 _TURNED = 60.0
-"""Hz per rad of the largest swell: one that goes on moves f from end to end by so much at most. With the share a and the
-beat b it is 2 a b, and ln(magnitude) has then changed by up to 2 pi a b in a second, a swell of 0.04 a b or more."""
+"""Hz per rad of the largest swell: one that goes on moves f from end to end by so much at most. With the share a and
+the beat b it is 2 a b, and ln(magnitude) has then changed by up to 2 pi a b in a second, a swell of 0.04 a b or
+more."""
 _CALM = 0.0003
 """Of `Cycles.swell`: a step or a ramp of f itself does not change the magnitude by more."""
 _BEATING = 0.0005

@@ -1,10 +1,11 @@
 """Mean f of the two cycles of a window whatever f does within them, from the phases of its one-cycle phasors.
 
 The mean of f between two instants is what the phase turns by between them. A phasor over one whole cycle, in which
-harmonics cancel, knows the mean of the phase over that cycle. From seven of them the best linear estimate of the turn is
-Wiener's, for an f that does a random walk beside white noise (N. Wiener, Extrapolation, Interpolation, and Smoothing of
-Stationary Time Series, 1949; here as generalised ridge regression with a step of f at `_STEPS` instants). A fast walk
-follows a step of f at nearly every instant of the window, at two to three times the noise of the fit over two cycles.
+harmonics cancel, knows the mean of the phase over that cycle. From seven of them the best linear estimate of the turn
+is Wiener's, for an f that does a random walk beside white noise (N. Wiener, Extrapolation, Interpolation, and Smoothing
+of Stationary Time Series, 1949; here as generalised ridge regression with a step of f at `_STEPS` instants). A fast
+walk follows a step of f at nearly every instant of the window, at two to three times the noise of the fit over two
+cycles.
 """
 
 from __future__ import annotations
@@ -23,9 +24,9 @@ _FLOOR = 1e-6
 
 
 def mean_weights(edges: Floats, start: float, stop: float, rate: float) -> Floats:
-    """[phasors]: phases of phasors [rad] against a trial f, times this, are Hz of the mean f over start .. stop above it.
+    """[phasors]: phases of phasors [rad] against a trial f, times this, are Hz of the mean f above that trial.
 
-    `edges` [2, phasors], `start` and `stop` are positions in samples at `rate` [1/s].
+    The mean is that over start .. stop; these and `edges` [2, phasors] are positions in samples at `rate` [1/s].
     """
     begin, end = edges
     span, middle = end[-1] - begin[0], (end[-1] + begin[0]) / 2
