@@ -4,8 +4,8 @@ The mean of f between two instants is what the phase turns by between them. A ph
 harmonics cancel, knows the mean of the phase over that cycle. From seven of them the best linear estimate of the turn
 is Wiener's, for an f that does a random walk beside white noise (N. Wiener, Extrapolation, Interpolation, and Smoothing
 of Stationary Time Series, 1949; here as generalised ridge regression with a step of f at `_STEPS` instants). A fast
-walk follows a step of f at nearly every instant of the window, at two to three times the noise of the fit over two
-cycles.
+walk follows a step of f, at two to three times the noise of the fit over two cycles: in whole up to half a cycle before
+the end of the window, by half a quarter of a cycle before.
 """
 
 from __future__ import annotations

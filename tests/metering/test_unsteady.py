@@ -110,6 +110,31 @@ def test_a_swing_within_two_cycles_is_flagged(amplitude, beat):
     assert (silent & wrong)[5:].mean() < 0.1 and wrong[5:].mean() > 0.2
 
 
+@pytest.mark.parametrize(("phases", "angle"), [(1, 0.25), (3, 0.0)])
+def test_a_step_of_f_near_the_end_of_the_two_cycles_is_flagged_where_f_is_off(phases, angle):
+    """`angle`: turns; one phase alone shows no change of its phase around its peak."""
+    t = (np.arange(16_000) + 0.5) / RATE
+    for size, before in itertools.product((0.28, -0.28), (0.007, 0.010)):
+        at = 0.68 - before  # with a window, and with its two cycles, ends 0.68
+
+        def turns(t, size=size, at=at):
+            return angle + 50.005 * t + size * np.maximum(t - at, 0)
+
+        (batch,) = metered(codes_of(turns(t), phases))
+        end = (np.arange(len(batch)) + 1) * 0.04
+        length = 2 / np.where(np.isnan(batch.f), 50.0, batch.f)
+        error = np.abs(batch.f - (turns(end) - turns(end - length)) / length)
+        flagged = np.array([bool(flags & {"transient", "unsettled", "start"}) for flags in batch.flags[0]])
+        assert flagged[~(error < 0.012)].all() and not flagged[-1], (size, before)
+
+
+def test_a_swing_that_f_follows_is_not_flagged():
+    batch, f = swung(0.1, 5.0, phases=3)
+    right = np.abs(batch.f - f) < 0.010
+    flagged = np.array(["unsettled" in flags for flags in batch.flags[0]])
+    assert right[5:].all() and flagged[5:].mean() < 0.03
+
+
 @pytest.mark.parametrize("f", [60.0, 72.0, 105.0])
 def test_interharmonics_are_flagged_where_they_mislead(f):
     t = np.arange(40_000) / RATE
