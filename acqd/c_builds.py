@@ -22,6 +22,7 @@ WINDOW_FALLBACK = "metering with numpy takes more than twenty times as long"
 QUALITY_FALLBACK = "power quality and events with numpy take several times as long"
 TICKS_FALLBACK = "MAIN_FAST waits in Python, which costs more of the processor"
 SWITCHING_FALLBACK = "loads that switch are searched with numpy, which takes several times as long"
+RIGID_BODY_FALLBACK = "joint torques are computed with numpy, which takes about ten times as long"
 LSTM_FALLBACK = "train with --compute torch"
 FMU_FALLBACK = "acqd[fmu] brings zig"
 
@@ -72,6 +73,13 @@ def switching() -> CBuild:
     return CBuild("switching", (source,), ("-O2", "-std=c99", *_SHARED, "-ffp-contract=off"), SWITCHING_FALLBACK)
 
 
+def rigid_body(instructions: InstructionSet) -> CBuild:
+    """Joint torques; equal on every processor, so without contraction."""
+    source = _PACKAGE / "robot" / "rigid_body.c"
+    flags = ("-O3", "-std=gnu11", *_SHARED, "-ffp-contract=off", "-Wall", "-Wextra", *instructions.options)
+    return CBuild(f"rigid-body-{instructions.name}", (source,), flags, RIGID_BODY_FALLBACK)
+
+
 def lstm(instructions: InstructionSet) -> CBuild:
     """Loss and gradient of an LSTM."""
     flags = ("-O3", *_COMMON, *instructions.options, f"-DV={instructions.lanes}")
@@ -90,5 +98,9 @@ def all_builds(machine: str) -> list[CBuild]:
     return [
         ticks(),
         switching(),
-        *(build for each in sets for build in (*(window(n, each) for n in (2, 4, 6)), quality(each), lstm(each))),
+        *(
+            build
+            for each in sets
+            for build in (*(window(n, each) for n in (2, 4, 6)), quality(each), rigid_body(each), lstm(each))
+        ),
     ]

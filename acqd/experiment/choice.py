@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from acqd.discrepancy.regression.gram import Moments
+from acqd.discrepancy.regression.least_squares import Moments
 from acqd.experiment.contest import Contest, together
 
 Worth = Callable[[Moments], float]

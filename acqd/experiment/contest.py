@@ -26,7 +26,8 @@ from scipy.stats import t as student
 
 from acqd.arrays import Floats
 from acqd.discrepancy.regression.design_columns import Candidate
-from acqd.discrepancy.regression.gram import LEAST_POWER, Indices, Moments
+from acqd.discrepancy.regression.gram import Indices
+from acqd.discrepancy.regression.least_squares import LEAST_POWER, Moments
 from acqd.discrepancy.selection.ranking import part_of
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.discrepancy.thresholds.chance import by_chance

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from acqd.arrays import Floats
-from acqd.discrepancy.regression.gram import Moments
+from acqd.discrepancy.regression.least_squares import Moments
 from acqd.errors import UserError
 from acqd.experiment.choice import chosen, d_optimal, filled
 from acqd.experiment.contest import Cause, Contest, together

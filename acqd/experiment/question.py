@@ -16,7 +16,7 @@ from acqd.discrepancy.config import CloseConfig
 from acqd.discrepancy.recordings import Subject, subject_of
 from acqd.discrepancy.regression.design_columns import Candidate
 from acqd.discrepancy.regression.design_matrix import Design
-from acqd.discrepancy.regression.gram import Column, Moments, Regression
+from acqd.discrepancy.regression.least_squares import Column, Moments, Regression
 from acqd.discrepancy.regression.setup import Comparison, Setup, set_up
 from acqd.discrepancy.regression.white_rows import white_products
 from acqd.discrepancy.search import begins_of, unexplained

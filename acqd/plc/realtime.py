@@ -8,6 +8,8 @@ import os
 import signal
 from dataclasses import dataclass
 
+from acqd.memory import release_freed
+
 _PR_SET_PDEATHSIG = 1
 _MCL_CURRENT, _MCL_FUTURE, _MCL_ONFAULT = 1, 2, 4
 _LOCK = _MCL_CURRENT | _MCL_FUTURE | _MCL_ONFAULT  # what is used stays; what is never touched costs nothing
@@ -33,7 +35,7 @@ def engage(settings: RealtimeSettings) -> list[str]:
     gc.collect()
     gc.freeze()
     gc.disable()
-    ctypes.CDLL(None).malloc_trim(0)  # what reading a recording has left
+    release_freed()  # what reading a recording has left
     if settings.cpu is not None:
         try:
             os.sched_setaffinity(0, {settings.cpu})

@@ -1,4 +1,4 @@
-"""Inverse dynamics in plain numpy for whole recordings at once, with any inertial parameters.
+"""Inverse dynamics for whole recordings at once, with any inertial parameters: in C, or in numpy without a compiler.
 
 Recursive Newton-Euler algorithm in link frames (Luh, Walker, Paul: On-line computational scheme for mechanical
 manipulators, 1980). Models use it at run time, where no robot library is installed; the tests compare it with
@@ -14,6 +14,7 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.robot.description import RobotDescription
+from acqd.robot.rigid_body import torques
 
 _GRAVITY = 9.81
 _TOGETHER = 4096
@@ -71,13 +72,38 @@ def joint_torque(chain: Chain, parameters: Floats, q: Floats, qd: Floats, qdd: F
 def joint_torques(chain: Chain, arms: Floats, q: Floats, qd: Floats, qdd: Floats) -> Floats:
     """As `joint_torque`, of several sets of inertial parameters [n, 10 axes]: [n, T, axes]."""
     links = arms.reshape(len(arms), len(chain.axis), 10)
-    tau = np.empty((len(arms), *q.shape))
+    compiled = torques(_packed(chain), _GRAVITY, links, q, qd, qdd)
+    return torques_in_numpy(chain, links, q, qd, qdd) if compiled is None else compiled
+
+
+def regressor(chain: Chain, q: Floats, qd: Floats, qdd: Floats) -> Floats:
+    """Y [T, axes, 10 axes] with joint_torque = Y @ inertial parameters."""
+    bodies = joint_torques(chain, np.eye(10 * len(chain.axis)), q, qd, qdd)
+    return np.ascontiguousarray(np.moveaxis(bodies, 0, -1))
+
+
+def torques_in_numpy(chain: Chain, links: Floats, q: Floats, qd: Floats, qdd: Floats) -> Floats:
+    """The same with numpy, of bodies `links` [n, axes, 10]."""
+    tau = np.empty((len(links), *q.shape))
     for first in range(0, len(q), _TOGETHER):
         rows = slice(first, first + _TOGETHER)
         moving = _moving(chain, *(np.ascontiguousarray(each[rows].T) for each in (q, qd, qdd)))
         for number, own in enumerate(links):
             tau[number, rows] = _carried(chain, own, moving).T
     return tau
+
+
+def _packed(chain: Chain) -> Floats:
+    """[axes, 28] of every joint what `rigid_body.torques` asks for."""
+    packed = np.empty((len(chain.axis), 28))
+    for k, own in enumerate(packed):
+        joint = _Joint.of(chain, k, np.zeros(1))
+        slide = chain.rotation[k] @ chain.axis[k] if joint.slides else np.zeros(3)
+        basis = np.eye(3) if joint.basis is None else joint.basis
+        own[:] = np.concatenate(
+            [chain.xyz[k], slide, joint.fixed.ravel(), basis.ravel(), chain.axis[k], [float(joint.slides)]]
+        )
+    return packed
 
 
 def _moving(chain: Chain, q: Floats, qd: Floats, qdd: Floats) -> list[_Moving]:
@@ -182,8 +208,6 @@ class Frames:
     """Rotations to the base frame [T, axes, 3, 3]."""
     axis: Floats
     """Joint axes [T, axes, 3], unit vectors."""
-    sliding: tuple[int, ...] = ()
-    """Numbers of the prismatic joints, from 0."""
 
 
 def frames(chain: Chain, q: Floats) -> Frames:
@@ -196,20 +220,7 @@ def frames(chain: Chain, q: Floats) -> Frames:
         at = at + (turn @ place if place.ndim == 1 else np.einsum("tij,tj->ti", turn, place))
         turn = turn @ rotated
         origin[:, k], rotation[:, k] = at, turn
-    return Frames(origin, rotation, np.einsum("tkij,kj->tki", rotation, chain.axis), chain.sliding)
-
-
-def weight_torque(where: Frames, link: int, point: Floats) -> Floats:
-    """Torques [T, axes] (Nm, or N) that hold 1 kg against gravity at `point` (m, in the frame of `link`, from 0)."""
-    place = where.origin[:, link] + where.rotation[:, link] @ point
-    arm = place[:, None, :2] - where.origin[:, : link + 1, :2]
-    axis = where.axis[:, : link + 1]
-    torque = np.zeros(where.axis.shape[:2])
-    torque[:, : link + 1] = _GRAVITY * (axis[..., 0] * arm[..., 1] - axis[..., 1] * arm[..., 0])
-    for k in where.sliding:
-        if k <= link:
-            torque[:, k] = _GRAVITY * axis[:, k, 2]
-    return torque
+    return Frames(origin, rotation, np.einsum("tkij,kj->tki", rotation, chain.axis))
 
 
 def _cross_matrix(v: Floats) -> Floats:

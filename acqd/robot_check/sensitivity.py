@@ -13,9 +13,8 @@ import numpy as np
 from acqd.arrays import Floats
 from acqd.models.greybox.model import GreyBox
 from acqd.models.greybox.parameters import Layout, prior
-from acqd.robot.arm import Arm
 from acqd.robot.description import Joint, RobotDescription
-from acqd.robot.dynamics import inertial_parameters
+from acqd.robot.inertia import inertial_parameters
 from acqd.robot.joint import DRIVE_UNITS, FRICTION_UNITS
 from acqd.robot.newton_euler import Chain
 from acqd.robot.urdf.defaults import Rated, guessed_friction
@@ -102,7 +101,7 @@ def _change(base: Floats, robot: RobotDescription, k: int, key: str, factor: flo
 def _power(robot: RobotDescription, q: Floats, k: int = 0, key: str = "", factor: float = 1.0) -> Floats:
     """Power [T - 2] W of a motion, with the value `key` of joint `k` times `factor`."""
     layout = Layout(robot.axes, (), robot.sliding)
-    values = prior(layout, robot, inertial_parameters(Arm(robot)), 0.0, STEP_S).mean
+    values = prior(layout, robot, inertial_parameters(robot), 0.0, STEP_S).mean
     friction = np.array([_friction(joint, speed) for joint, speed in zip(robot.joint, robot.speed, strict=True)])
     values[layout.part("coulomb")], values[layout.part("viscous")] = friction.T
     group = key.partition(".")[2].partition("_")[0]

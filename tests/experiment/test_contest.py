@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from acqd.discrepancy.regression.design_columns import Candidate
-from acqd.discrepancy.regression.gram import Moments
+from acqd.discrepancy.regression.least_squares import Moments
 from acqd.experiment.choice import chosen, d_optimal, filled
 from acqd.experiment.contest import Cause, Contest, together
 

@@ -20,7 +20,8 @@ from scipy.stats import norm
 from acqd.arrays import Floats
 from acqd.discrepancy.ability.smallest import POWER, Smallest, competition_of
 from acqd.discrepancy.regression.design_columns import Candidate
-from acqd.discrepancy.regression.gram import LEAST_POWER, Competition, Indices
+from acqd.discrepancy.regression.gram import Indices
+from acqd.discrepancy.regression.least_squares import LEAST_POWER, Competition
 from acqd.discrepancy.selection.judging import kinds_of
 from acqd.discrepancy.selection.ranking import Rows, acts, part_of, prior_of
 from acqd.discrepancy.thresholds import THRESHOLDS

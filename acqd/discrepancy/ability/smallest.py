@@ -21,7 +21,8 @@ from scipy.stats import t as student
 from acqd.arrays import Floats
 from acqd.discrepancy.regression.design_columns import Candidate
 from acqd.discrepancy.regression.design_matrix import Design
-from acqd.discrepancy.regression.gram import Competition, Indices
+from acqd.discrepancy.regression.gram import Indices
+from acqd.discrepancy.regression.least_squares import Competition
 from acqd.discrepancy.selection.judging import kinds_of
 from acqd.discrepancy.selection.ranking import Finding, Rows, acts, bounds_of, part_of, posterior, prior_of
 from acqd.discrepancy.selection.spread import power_rms, sessions_of, variances_of_sessions

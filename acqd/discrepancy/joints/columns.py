@@ -15,9 +15,9 @@ from acqd.models.greybox.model import direction
 from acqd.models.greybox.parameters import Layout, prior
 from acqd.models.segments import Segment
 from acqd.residual.logged_torque import Side, logged
-from acqd.robot.arm import Arm
 from acqd.robot.description import RobotDescription
-from acqd.robot.dynamics import inertial_parameters, regressor
+from acqd.robot.inertia import inertial_parameters
+from acqd.robot.newton_euler import regressor
 
 
 def measured_torque(segment: Segment, side: Side, robot: RobotDescription) -> Floats:
@@ -59,10 +59,10 @@ class BaseLayout:
         """Parameters that differ from session to session: zeros, and friction (temperature, grease)."""
         return slice(10 * self.axes, (11 if self.side == "link" else 13) * self.axes)
 
-    def prior(self, arm: Arm) -> tuple[Floats, Floats]:
+    def prior(self, robot: RobotDescription) -> tuple[Floats, Floats]:
         """Mean and standard deviation [size], from the description; wide where the description says nothing."""
-        robot, layout = arm.description, Layout(self.axes, ())
-        belief = prior(layout, robot, inertial_parameters(arm), 0.0, 1.0)  # neither standby nor lag is a torque
+        layout = Layout(self.axes, ())
+        belief = prior(layout, robot, inertial_parameters(robot), 0.0, 1.0)  # neither standby nor lag is a torque
         mean, deviation = np.zeros(self.size), np.zeros(self.size)
         deviation[self.part("offset")] = _ZERO_SHARE * robot.effort
         groups = ["inertial"]
@@ -75,9 +75,9 @@ class BaseLayout:
         return mean, deviation
 
 
-def base_columns(arm: Arm, scene: Scene, layout: BaseLayout, inertial: Floats) -> Floats:
+def base_columns(scene: Scene, layout: BaseLayout, inertial: Floats) -> Floats:
     """[T, axes, size] Nm per unit; `inertial` [10 axes]: whose torque load-dependent friction follows."""
-    Y = averaged(regressor(arm, scene.q, scene.qd, scene.qdd))
+    Y = averaged(regressor(scene.model.chain, scene.q, scene.qd, scene.qdd))
     X = np.zeros((scene.rows, scene.axes, layout.size))
     X[:, :, layout.part("inertial")] = Y
     own = np.arange(scene.axes)

@@ -24,7 +24,7 @@ from acqd.residual.known_rows import known_rows
 from acqd.residual.logged_torque import has_torque, side_of
 from acqd.residual.thresholds import NOISE
 from acqd.residual.whitening import Whitener
-from acqd.robot.arm import Arm
+from acqd.robot.description import RobotDescription
 
 _ANY_SIZE = 1e3
 """Prior deviation of a selected effect's parameters: wide enough to be free."""
@@ -101,14 +101,14 @@ class Observed:
 
     @classmethod
     def of(
-        cls, model: GreyBox, arm: Arm, segments: list[tuple[Segment, bool]], scenes: Sequence[Scene]
+        cls, model: GreyBox, robot: RobotDescription, segments: list[tuple[Segment, bool]], scenes: Sequence[Scene]
     ) -> Observed | None:
         """`segments` with whether they are in question, and their scenes.
 
         None without torques on both sides, or with prismatic joints.
         """
         side = side_of([segment for segment, _ in segments])
-        if side is None or arm.description.sliding:  # forces and torques have no common thresholds
+        if side is None or robot.sliding:  # forces and torques have no common thresholds
             return None
         usable = [number for number, (segment, _) in enumerate(segments) if has_torque(segment, side)]
         layout = BaseLayout(model.axes, side)
@@ -116,8 +116,8 @@ class Observed:
         rows: list[JointRows] = []
         for number, scene in drawn.items():
             segment, in_question = segments[number]
-            X = base_columns(arm, scene, layout, model.group("inertial"))
-            torque = measured_torque(segment, side, arm.description)
+            X = base_columns(scene, layout, model.group("inertial"))
+            torque = measured_torque(segment, side, robot)
             speed = averaged(scene.qd)
             for joint in range(model.axes):
                 runs = runs_of_motion(speed[:, joint], known_rows(segment), all_rows=side == "link")
@@ -130,7 +130,7 @@ class Observed:
         before = [each for each in rows if not each.in_question]
         if not before or len(before) == len(rows):
             return None
-        mean, deviation = layout.prior(arm)
+        mean, deviation = layout.prior(robot)
         beta = _base_fit(before, mean, deviation, None)
         for _ in range(2):
             noise = _noise_models(before, beta)

@@ -25,7 +25,7 @@ from acqd.models.effects.scene import Scene
 from acqd.models.greybox.model import GreyBox
 from acqd.models.segments import Segment
 from acqd.numerics import quadratic_form
-from acqd.robot.arm import Arm
+from acqd.robot.description import RobotDescription
 
 _LEAST_SHARE = 1e-3
 """Of a column's power that the base model must leave, to say anything about it."""
@@ -71,10 +71,10 @@ class Witness:
 
     @classmethod
     def of(
-        cls, model: GreyBox, arm: Arm, segments: list[tuple[Segment, bool]], scenes: Sequence[Scene]
+        cls, model: GreyBox, robot: RobotDescription, segments: list[tuple[Segment, bool]], scenes: Sequence[Scene]
     ) -> Witness | None:
         """`segments` with whether they are in question, and their scenes; None without torques on both sides."""
-        observed = Observed.of(model, arm, segments, scenes)
+        observed = Observed.of(model, robot, segments, scenes)
         return None if observed is None else cls(observed)
 
     def common_and_own(self, session: Session) -> Floats:

@@ -14,7 +14,7 @@ from acqd.arrays import Floats
 from acqd.discrepancy.loads.common import CommonLoad
 from acqd.discrepancy.regression.design_columns import DesignColumns
 from acqd.discrepancy.regression.everything import left_by_everything
-from acqd.discrepancy.regression.gram import Column
+from acqd.discrepancy.regression.least_squares import Column
 from acqd.residual.known_rows import known_rows
 from acqd.residual.whitening import Whitener
 

@@ -29,7 +29,6 @@ from acqd.models.greybox.model import GreyBox
 from acqd.models.segments import Segment
 from acqd.residual.known_rows import known_rows
 from acqd.residual.thresholds import NOISE
-from acqd.robot.arm import Arm
 
 _AT_ONCE = 16
 """Columns at substeps that are filtered together: a call for each costs more than the filter, all take memory."""
@@ -162,7 +161,6 @@ class DesignColumns:
 
 def design_columns(
     model: GreyBox,
-    arm: Arm,
     segments: list[tuple[Segment, bool]],
     chosen: frozenset[str],
     withheld: frozenset[str],
@@ -177,13 +175,13 @@ def design_columns(
     scenes = Scenes(model, segments)
     ranges, effects = _surveyed(scenes, [effect for name, effect in library().items() if name in chosen])
     _remember_common(scenes, effects, begins or {})
-    named = partial(_named_rows, arm=arm, effects=effects, withheld=withheld)
+    named = partial(_named_rows, effects=effects, withheld=withheld)
     values: list[NDArray[np.float32]] = []
     residual: list[Floats] = []
     for number, (scene, side) in enumerate(zip(scenes, scenes.in_question, strict=True)):
         values.append(_rows(scene, named(scene), smooth_columns(scene, ranges, in_question=side)))
         residual.append(scenes.segments[number].P - scene.predicted)
-        scene.moved.clear()  # link frames of hours of motion are much larger than what they are needed for
+        scene.moved.clear()  # torques of bodies in hours of motion are much larger than what they are needed for
         scene.computed.clear()
         progress((number + 1) / len(scenes))
     return DesignColumns(
@@ -194,10 +192,10 @@ def design_columns(
     )  # fmt: skip
 
 
-def _named_rows(scene: Scene, *, arm: Arm, effects: list[Effect], withheld: frozenset[str]) -> Floats:
+def _named_rows(scene: Scene, *, effects: list[Effect], withheld: frozenset[str]) -> Floats:
     """[T, k] W: columns of the base model and of effects."""
     return np.concatenate(
-        [grey_box_columns(arm, scene, withheld), *(effect_rows(effect, scene) for effect in effects)], axis=1
+        [grey_box_columns(scene, withheld), *(effect_rows(effect, scene) for effect in effects)], axis=1
     )
 
 

@@ -43,15 +43,20 @@ class Design:
         trusted: tuple[NDArray[np.bool_], ...],
         products: Sequence[Floats],
     ) -> Design:
-        """Whitened by one noise model; `products`: `white_products` of every block, all of whose rows are trusted."""
+        """Whitened by one noise model; `products`: `white_products` of every block, all of whose rows are trusted.
+
+        They are the largest arrays beside the columns, and become the design's own.
+        """
         y = columns.values[0].shape[1]
-        white = tuple(each / part.noise**2 for each, part in zip(products, columns.parts, strict=True))
-        plain = tuple(_plain_products(columns, part, np.s_[:]) for part in columns.parts)
+        for each, part in zip(products, columns.parts, strict=True):
+            each /= part.noise**2
+        white = tuple(products)
+        squares = np.array([_squares(columns, part, np.s_[:]) for part in columns.parts])
         empty = np.empty((len(products), y + 1, 0))
         everywhere = tuple(np.ones(len(good), dtype=bool) for good in trusted)
         design = cls(
             columns, whitener, slow_whitener, everywhere,
-            Blocks(Gram(y, white, empty), Gram(y, plain, empty), np.array([float(len(good)) for good in trusted])),
+            Blocks(Gram(y, white, empty), squares, np.array([float(len(good)) for good in trusted])),
             tuple(np.empty((len(residual), 0), dtype=np.float32) for residual in columns.residual),
         )  # fmt: skip
         return design.with_trusted(trusted)
@@ -85,17 +90,17 @@ class Design:
 
     def with_trusted(self, trusted: tuple[NDArray[np.bool_], ...]) -> Design:
         """With other trusted rows; Gram matrices of blocks where other rows are trusted are computed again."""
-        white, plain = (list(gram.fixed) for gram in (self.blocks.white, self.blocks.plain))
+        y = self.blocks.white.y
+        white, squares = list(self.blocks.white.fixed), self.blocks.squares[:, : y + 1].copy()
         for number, (part, good) in enumerate(zip(self.parts, trusted, strict=True)):
             if np.array_equal(good, self.trusted[number]):
                 continue
             known = white_rows(self.whitener, part, block_rows(self.columns, part))[good]
             white[number] = upper_triangle(known.T @ known)
-            plain[number] = _plain_products(self.columns, part, good)
+            squares[number] = _squares(self.columns, part, good)
         counts = np.array([int(good.sum()) for good in trusted], dtype=float)
-        y = self.blocks.white.y
         empty = np.empty((len(trusted), y + 1, 0))
-        blocks = Blocks(Gram(y, tuple(white), empty), Gram(y, tuple(plain), empty), counts)
+        blocks = Blocks(Gram(y, tuple(white), empty), squares, counts)
         design = replace(self, trusted=trusted, blocks=blocks)
         if not self.added[0].shape[1]:
             return design
@@ -114,12 +119,14 @@ class Design:
         size = max(self.blocks.white.size, int(indices.max()) + 1)
         own = indices - first
         added = tuple(_grown(old, size - first, own, values) for old, values in zip(self.added, columns, strict=True))
-        products: tuple[list[Floats], list[Floats]] = ([], [])
-        for part, good in zip(self.parts, self.trusted, strict=True):
+        products: list[Floats] = []
+        squares = np.zeros((len(self.parts), size))
+        squares[:, : self.blocks.white.size] = self.blocks.squares
+        for number, (part, good) in enumerate(zip(self.parts, self.trusted, strict=True)):
             values = added[part.segment][part.rows][:, own].astype(np.float64)
             if not values.any():
-                for grams in products:
-                    grams.append(np.zeros((size, len(indices))))
+                products.append(np.zeros((size, len(indices))))
+                squares[number, indices] = 0.0
                 continue
             everything = (
                 self.columns.values[part.segment],
@@ -128,28 +135,24 @@ class Design:
             )
             white = white_rows(self.whitener, part, values) * good[:, None]
             white = self.whitener.back(white / part.noise, past=part.past > 0)
-            products[0].append(np.concatenate([(white.T @ each[part.rows]).T for each in everything]))
-            if not part.in_question:
-                products[1].append(np.zeros((size, len(indices))))
-                continue
-            plain = values[part.past :] * good[:, None]
-            products[1].append(np.concatenate([(plain.T @ each[part.own]).T for each in everything]))
-        blocks = Blocks(
-            self.blocks.white.replaced(indices, products[0]), self.blocks.plain.replaced(indices, products[1]),
-            self.blocks.rows,
-        )  # fmt: skip
+            products.append(np.concatenate([(white.T @ each[part.rows]).T for each in everything]))
+            if part.in_question:
+                squares[number, indices] = (values[part.past :][good] ** 2).sum(axis=0)
+        blocks = Blocks(self.blocks.white.replaced(indices, products), squares, self.blocks.rows)
         return replace(self, added=added, blocks=blocks)
 
 
-def _plain_products(columns: DesignColumns, part: Part, good: slice | NDArray[np.bool_]) -> Floats:
-    """Upper triangle of the products [p + 1, p + 1] of good rows; empty for a block that is not in question."""
+def _squares(columns: DesignColumns, part: Part, good: slice | NDArray[np.bool_]) -> Floats:
+    """[p + 1] W^2: sums over good rows; 0 of a block that is not in question."""
     if not part.in_question:
-        return np.empty(0)
-    rows = block_rows(columns, part)[part.past :][good].astype(np.float64)
-    return upper_triangle(rows.T @ rows)
+        return np.zeros(columns.values[0].shape[1] + 1)
+    rows = block_rows(columns, part)[part.past :][good]
+    return np.asarray(np.einsum("tk,tk->k", rows, rows, dtype=np.float64))
 
 
 def _grown(old: NDArray[np.float32], width: int, at: Indices, values: NDArray[Any]) -> NDArray[np.float32]:
+    if not values.any() and not old.any():  # one side of an effect that only the other one has: takes no memory
+        return np.broadcast_to(np.zeros(1, dtype=np.float32), (len(old), width))
     grown = np.zeros((len(old), width), dtype=np.float32)
     grown[:, : old.shape[1]] = old
     grown[:, at] = values

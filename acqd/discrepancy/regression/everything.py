@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from acqd.arrays import Floats
 from acqd.discrepancy.regression.design_columns import DesignColumns
-from acqd.discrepancy.regression.gram import Column, symmetric
+from acqd.discrepancy.regression.gram import symmetric
+from acqd.discrepancy.regression.least_squares import Column
 from acqd.discrepancy.regression.torque_alternatives import torque_groups
 from acqd.discrepancy.regression.white_rows import white_products, white_rows
 from acqd.numerics import mad_sigma, solve_scaled_ridge

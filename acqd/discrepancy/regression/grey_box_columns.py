@@ -12,13 +12,12 @@ from acqd.arrays import Floats
 from acqd.models.effects.scene import Scene
 from acqd.models.effects.substeps import Lag, averaged
 from acqd.models.greybox.model import direction, magnitude
-from acqd.robot.arm import Arm
-from acqd.robot.dynamics import regressor
+from acqd.robot.newton_euler import joint_torques
 
 _LAG_STEP_S = 1e-3
 
 
-def grey_box_columns(arm: Arm, scene: Scene, withheld: frozenset[str] = frozenset()) -> Floats:
+def grey_box_columns(scene: Scene, withheld: frozenset[str] = frozenset()) -> Floats:
     """[T, parameters] W per unit of each parameter, in the model's layout.
 
     `withheld`: groups of parameters that the model was denied; the power of a torque lacks them.
@@ -31,8 +30,12 @@ def grey_box_columns(arm: Arm, scene: Scene, withheld: frozenset[str] = frozense
         slope -= model.group("gain")[0] * scene.qd
     if "copper" in withheld:
         slope -= 2 * model.group("copper") * scene.tau
-    Y = regressor(arm, scene.q, scene.qd, scene.qdd)
-    at_substeps[:, layout.part("inertial")] = np.einsum("tjk,tj->tk", Y, slope, optimize=True)
+    bodies = np.eye(10 * scene.axes)
+    inertial = at_substeps[:, layout.part("inertial")]
+    for link in range(scene.axes):  # torques of all bodies at once would be the largest array of the loop
+        of_link = slice(10 * link, 10 * link + 10)
+        torques = joint_torques(model.chain, bodies[of_link], scene.q, scene.qd, scene.qdd)
+        inertial[:, of_link] = np.einsum("ktj,tj->tk", torques, slope)
     at_substeps[:, layout.part("rotor")] = slope * scene.qdd
     at_substeps[:, layout.part("coulomb")] = slope * direction(scene.qd)
     at_substeps[:, layout.part("viscous")] = slope * scene.qd

@@ -6,10 +6,10 @@ reference scenes rarely.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any, overload
 
-from acqd.models.effects.bodies import LINK_FRAMES, LINK_TORQUES
 from acqd.models.effects.scene import Scene, segment_scene
 from acqd.models.greybox.model import GreyBox
 from acqd.models.segments import Segment
@@ -17,7 +17,7 @@ from acqd.models.segments import Segment
 _KEPT_ROWS = 22_500
 """A quarter of an hour at 25 rows per second."""
 _LARGE_ROWS = 5_000
-"""Rows whose link frames and torques, some kB a row, are kept, too."""
+"""Rows whose torques of bodies, some kB a row, are kept, too."""
 
 
 class Scenes(Sequence[Scene]):
@@ -29,9 +29,11 @@ class Scenes(Sequence[Scene]):
         self.in_question = tuple(in_question for _, in_question in segments)
         self._model = model
         self._memory: list[dict[str, Any]] = [{} for _ in segments]
-        self._kept: dict[int, Scene] = {}
-        self._kept_rows = 0
-        self._rows = sum(len(segment.P) for segment, in_question in segments if in_question)
+        asked = [number for number, (_, in_question) in enumerate(segments) if in_question]
+        self._rows = sum(len(segments[number][0].P) for number in asked)
+        self.kept = frozenset(asked[:: max(1, math.ceil(self._rows / _KEPT_ROWS))])
+        """Numbers of segments in question, spread over the recordings, whose scenes are kept."""
+        self._scenes: dict[int, Scene] = {}
         self._newest: Scene | None = None
 
     def __len__(self) -> int:
@@ -45,19 +47,18 @@ class Scenes(Sequence[Scene]):
         if isinstance(index, slice):
             return [self[number] for number in range(*index.indices(len(self)))]
         number = range(len(self))[index]
-        scene = self._kept.get(number) or self._made(number)
+        scene = self._scenes.get(number) or self._made(number)
         if self._newest is not None and self._newest is not scene and self._rows > _LARGE_ROWS:
-            for large in (LINK_FRAMES, LINK_TORQUES):
-                self._newest.moved.pop(large, None)
+            self._newest.moved.clear()
+            self._newest.computed.clear()
         self._newest = scene
         return scene
 
     def _made(self, number: int) -> Scene:
         scene = segment_scene(self._model, self.segments[number])
         scene.memory = self._memory[number]
-        if self.in_question[number] and self._kept_rows + scene.rows <= _KEPT_ROWS:
-            self._kept[number] = scene
-            self._kept_rows += scene.rows
+        if number in self.kept:
+            self._scenes[number] = scene
         return scene
 
     def remember(self, number: int, known: dict[str, Any]) -> None:

@@ -13,7 +13,8 @@ from acqd.discrepancy.regression.common_load import without_common_load
 from acqd.discrepancy.regression.design_columns import DesignColumns, Part, design_columns
 from acqd.discrepancy.regression.design_matrix import Design
 from acqd.discrepancy.regression.everything import inliers, left_by_everything, with_noise
-from acqd.discrepancy.regression.gram import Column, Indices, Regression
+from acqd.discrepancy.regression.gram import Indices
+from acqd.discrepancy.regression.least_squares import Column, Regression
 from acqd.discrepancy.regression.onset import Gate, onset_gates
 from acqd.discrepancy.regression.white_rows import white_products
 from acqd.discrepancy.thresholds import THRESHOLDS
@@ -24,9 +25,8 @@ from acqd.models.segments import Segment
 from acqd.numerics import mad_sigma
 from acqd.residual.thresholds import NOISE
 from acqd.residual.whitening import Whitener
-from acqd.robot.arm import Arm
 from acqd.robot.description import RobotDescription
-from acqd.robot.dynamics import inertial_parameters
+from acqd.robot.inertia import inertial_parameters
 
 LEAST_LEVEL_W = 1e-3
 """Standard deviation of the level of a minute, at least."""
@@ -67,13 +67,12 @@ class Setup:
 
 def set_up(comparison: Comparison, progress: Callable[[float], None]) -> Setup:
     """With a reference, structural effects are free on both sides, and only a difference can be selected."""
-    arm = Arm(comparison.robot)
     segments = [(each, False) for each in comparison.reference] + [(each, True) for each in comparison.in_question]
     columns = design_columns(
-        comparison.model, arm, segments, comparison.chosen, comparison.withheld, progress, comparison.begins
+        comparison.model, segments, comparison.chosen, comparison.withheld, progress, comparison.begins
     )
     columns = columns.with_withheld(comparison.withheld)
-    base = _base(columns, arm, comparison)
+    base = _base(columns, comparison)
     everywhere = np.ones(len(columns.parts))
     enough = len({each.recording for each in comparison.reference}) >= THRESHOLDS.fewest_recordings
     noise_weights = 1 - columns.in_question if enough else everywhere
@@ -84,7 +83,7 @@ def set_up(comparison: Comparison, progress: Callable[[float], None]) -> Setup:
     products = [white_products(columns, whitener, part) for part in columns.parts]
     columns = with_noise(columns, whitener, base, products)
     design = Design.of(columns, whitener, slow, inliers(columns, whitener, base, products), products)
-    design = replace(design, witness=Witness.of(comparison.model, arm, segments, columns.scenes))
+    design = replace(design, witness=Witness.of(comparison.model, comparison.robot, segments, columns.scenes))
     common = _common(design) if comparison.reference else []
     free = [*base, *(Column(k, everywhere) for k in common), *block_intercepts(columns, noise_weights)]
     if load is not None:
@@ -93,14 +92,14 @@ def set_up(comparison: Comparison, progress: Callable[[float], None]) -> Setup:
     return Setup(design, Regression(design.blocks, free), onset_gates(list(columns.parts)))
 
 
-def _base(columns: DesignColumns, arm: Arm, comparison: Comparison) -> list[Column]:
+def _base(columns: DesignColumns, comparison: Comparison) -> list[Column]:
     """Columns of the base model, with the description as prior of how far its parameters may be wrong.
 
     Friction and losses are fitted already, so that they change by a share of their values. A wider prior would let
     the square of an absurd friction stand in for the mechanical power.
     """
     layout = comparison.model.layout
-    belief = prior(layout, comparison.robot, inertial_parameters(arm), 0.0, comparison.model.step_s)
+    belief = prior(layout, comparison.robot, inertial_parameters(comparison.robot), 0.0, comparison.model.step_s)
     endless = _ENDLESS * np.maximum(np.abs(comparison.model.values), 1.0)
     deviation = np.where(np.isfinite(belief.deviation), belief.deviation, endless)
     effort = comparison.robot.effort

@@ -9,7 +9,7 @@ from scipy.stats import t as student
 
 from acqd.arrays import Floats
 from acqd.discrepancy.regression.design_matrix import Design
-from acqd.discrepancy.regression.gram import Regression
+from acqd.discrepancy.regression.least_squares import Regression
 from acqd.discrepancy.regression.torque_alternatives import LawColumns
 from acqd.discrepancy.repair.correction import SIZE
 from acqd.discrepancy.repair.torque_scale import TorqueScale

@@ -17,7 +17,8 @@ from scipy.linalg import block_diag, cho_factor, cho_solve
 
 from acqd.arrays import Floats
 from acqd.discrepancy.recordings import Subject
-from acqd.discrepancy.regression.gram import Indices, Regression
+from acqd.discrepancy.regression.gram import Indices
+from acqd.discrepancy.regression.least_squares import Regression
 from acqd.discrepancy.regression.setup import LEAST_LEVEL_W
 from acqd.discrepancy.selection.accepted import Selected, Selection
 from acqd.models.augmented import Augmented

@@ -17,9 +17,8 @@ import numpy as np
 from acqd.discrepancy.recordings import Subject
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.residual.logged_torque import has_torque
-from acqd.robot.arm import Arm
 from acqd.robot.description import RobotDescription
-from acqd.robot.dynamics import inertial_parameters
+from acqd.robot.inertia import inertial_parameters
 from acqd.robot.newton_euler import joint_torques
 
 GUESSED_DRIVE_DEVIATION = 0.3
@@ -58,7 +57,7 @@ def torque_scale(subject: Subject) -> TorqueScale:
     segments = [*subject.reference, *subject.fit]
     if all(has_torque(segment, "link") for segment in segments):
         return TorqueScale(1.0, THRESHOLDS.sensor_scale_deviation)
-    model, described = subject.carrier, inertial_parameters(Arm(subject.robot))
+    model, described = subject.carrier, inertial_parameters(subject.robot)
     links = np.kron(np.eye(subject.robot.axes), np.ones(10)) * described
     arms = np.vstack([model.group("inertial"), described, links])
     products = np.zeros(len(arms))

@@ -12,8 +12,10 @@ from acqd.discrepancy.recordings import Subject
 from acqd.discrepancy.repair.terms import Reported
 from acqd.discrepancy.report.main_parameter import changed_place, main_parameter
 from acqd.models.effects import library
+from acqd.models.effects.bodies import point_mass
 from acqd.report.digits import confidence_interval, number, percent
 from acqd.report.verdict import KeyFigure
+from acqd.robot.newton_euler import Chain, joint_torque
 
 _JOINT = re.compile(r"joint (\d+)$")
 _EVERY = 10
@@ -68,13 +70,11 @@ def _load(subject: Subject, each: Reported) -> str:
 
 def _holding_torque(subject: Subject, each: Reported, mass_kg: float) -> Floats:
     """[axes] Nm: the largest torque that the mass alone asks for in the postures of the recordings, at rest."""
-    from acqd.robot.arm import Arm, Payload  # Pinocchio takes a while to import
-    from acqd.robot.dynamics import gravity_torque
-
-    reach_m = float(each.term.shape["centre_of_mass_m"])
-    loaded, bare = Arm(subject.robot, Payload(mass_kg, (0.0, 0.0, reach_m))), Arm(subject.robot)
+    chain, body = Chain.of(subject.robot), np.zeros((subject.robot.axes, 10))
+    body[-1] = mass_kg * point_mass(chain.beyond_flange(float(each.term.shape["centre_of_mass_m"])))
     q = np.concatenate([segment.q[::_EVERY] for segment in subject.fit])
-    largest: Floats = np.abs(gravity_torque(loaded, q) - gravity_torque(bare, q)).max(axis=0)
+    still = np.zeros_like(q)
+    largest: Floats = np.abs(joint_torque(chain, body.ravel(), q, still, still)).max(axis=0)
     return largest
 
 

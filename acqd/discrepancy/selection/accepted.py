@@ -8,7 +8,7 @@ from typing import Literal
 from acqd.arrays import Floats
 from acqd.discrepancy.joints.witness import Witness
 from acqd.discrepancy.regression.design_matrix import Design
-from acqd.discrepancy.regression.gram import Column, Regression
+from acqd.discrepancy.regression.least_squares import Column, Regression
 from acqd.discrepancy.regression.onset import Gate
 from acqd.discrepancy.selection.ranking import Finding, Rows
 from acqd.discrepancy.selection.standing import Standing

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from acqd.arrays import Floats
-from acqd.discrepancy.regression.gram import Regression
+from acqd.discrepancy.regression.least_squares import Regression
 from acqd.discrepancy.selection.ranking import Finding, Rows, ranked
 
 

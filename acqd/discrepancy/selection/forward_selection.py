@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from acqd.discrepancy.regression.gram import Column
+from acqd.discrepancy.regression.least_squares import Column
 from acqd.discrepancy.regression.setup import Setup
 from acqd.discrepancy.selection.accepted import Hypothesis, Selected, Selection, Unknown, unnamed
 from acqd.discrepancy.selection.judging import kinds_of, margin

@@ -21,7 +21,8 @@ from scipy.special import log_ndtr
 from acqd.arrays import Floats
 from acqd.discrepancy.regression.design_columns import Candidate
 from acqd.discrepancy.regression.design_matrix import Design
-from acqd.discrepancy.regression.gram import LEAST_POWER, Competition, Indices, Regression
+from acqd.discrepancy.regression.gram import Indices
+from acqd.discrepancy.regression.least_squares import LEAST_POWER, Competition, Regression
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.numerics import solve_scaled_ridge
 
@@ -214,7 +215,7 @@ def prior_deviations(design: Design, indices: Indices) -> Floats:
     rows = 0.0
     for number, part in enumerate(design.parts):
         if part.in_question:
-            squares += design.blocks.plain.squares(number, indices)
+            squares += design.blocks.squares[number, indices]
             rows += design.blocks.rows[number]
     rms = np.sqrt(squares / max(rows, 1.0))
     return np.asarray(THRESHOLDS.largest_change * design.columns.dynamic_range / np.maximum(rms, 1e-9))

@@ -11,7 +11,7 @@ import numpy as np
 from acqd.arrays import Floats
 from acqd.discrepancy.regression.design_columns import Candidate
 from acqd.discrepancy.regression.design_matrix import Design
-from acqd.discrepancy.regression.gram import Column, Regression
+from acqd.discrepancy.regression.least_squares import Column, Regression
 from acqd.discrepancy.regression.setup import Setup
 from acqd.discrepancy.selection.ranking import Finding, Rows
 from acqd.discrepancy.selection.spread import clock_deviation_s, learning_rate, sessions_of, variance_of_sessions

@@ -75,7 +75,7 @@ def fit_shape(rows: Rows, gate: Floats, finding: Finding, detection: Detection |
     )  # fmt: skip
     rows = rows.on(design)
     if shape and effect.bounds:
-        rows, shape = _searched(rows, gate, own, columns, finding.evidence)
+        rows, shape = _searched(rows, gate, own, columns)
         own = replace(own, fitted=Variant(place, place.columns, shape))
     rows, found = at_secant_slope(rows, gate, own, columns, shape)
     return ShapeFit(rows, replace(found or finding, candidate=own), shape)
@@ -103,22 +103,25 @@ def columns_of(design: Design, effect: Effect, place: Place, gate: Floats) -> _C
     )
 
 
-def _searched(
-    rows: Rows, gate: Floats, own: Candidate, columns: _Columns, evidence: float
-) -> tuple[Rows, dict[str, float]]:
-    """The shape that explains most, by Brent's bounded search, and rows with its columns."""
+def _searched(rows: Rows, gate: Floats, own: Candidate, columns: _Columns) -> tuple[Rows, dict[str, float]]:
+    """The shape that explains most, by Brent's bounded search, and rows with its columns.
+
+    Of long recordings, the search takes the segments whose scenes are kept: a quarter of an hour determines a shape.
+    """
     assert own.variant is not None
     name, value = next(iter(own.variant.shape.items()))
     low, high = _between(columns.effect.shapes, name, value, columns.effect.bounds[name])
+    some = replace(columns, open=columns.open & rows.design.columns.scenes.kept or columns.open)
+    among = gate * np.array([part.segment in some.open for part in rows.design.parts])
 
     def negative_evidence(trial: float) -> float:
-        changed = rows.on(rows.design.with_replaced(own.indices, columns({name: trial})))
+        changed = rows.on(rows.design.with_replaced(own.indices, some({name: trial})))
         at_trial = replace(own, fitted=Variant(columns.place, columns.place.columns, {name: trial}))
-        found = ranked(changed, gate, [at_trial])
+        found = ranked(changed, among, [at_trial])
         return -found[0].evidence if found else 0.0
 
     best = minimize_scalar(negative_evidence, bounds=(low, high), method="bounded", options={"maxiter": _EVALUATIONS})
-    shape = {name: float(best.x) if -best.fun > evidence else value}
+    shape = {name: float(best.x) if best.fun < negative_evidence(value) else value}
     return rows.on(rows.design.with_replaced(own.indices, columns(shape))), shape
 
 

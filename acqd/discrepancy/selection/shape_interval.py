@@ -13,7 +13,7 @@ import numpy as np
 from acqd.arrays import Floats
 from acqd.discrepancy.regression.design_columns import Candidate
 from acqd.discrepancy.regression.design_matrix import Design
-from acqd.discrepancy.regression.gram import Regression
+from acqd.discrepancy.regression.least_squares import Regression
 from acqd.discrepancy.selection.accepted import Selected
 from acqd.discrepancy.selection.ranking import bounds_of, solve_part, within
 from acqd.discrepancy.selection.shape_fit import columns_of

@@ -22,7 +22,7 @@ from acqd.arrays import Floats
 from acqd.dataset.split import log_name
 from acqd.discrepancy.regression.design_columns import Part
 from acqd.discrepancy.regression.design_matrix import Design
-from acqd.discrepancy.regression.gram import LEAST_POWER, Regression
+from acqd.discrepancy.regression.least_squares import LEAST_POWER, Regression
 from acqd.discrepancy.selection.ranking import Finding, acts, part_of
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.models.effects import library

@@ -14,7 +14,7 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.discrepancy.regression.design_matrix import Design
-from acqd.discrepancy.regression.gram import Regression
+from acqd.discrepancy.regression.least_squares import Regression
 from acqd.discrepancy.selection.accepted import Selected
 from acqd.models.effects import library
 from acqd.models.effects.effect import Effect, drive_power, effect_rows

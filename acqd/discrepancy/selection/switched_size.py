@@ -11,7 +11,7 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.discrepancy.regression.design_matrix import Design
-from acqd.discrepancy.regression.gram import Regression
+from acqd.discrepancy.regression.least_squares import Regression
 from acqd.discrepancy.selection.accepted import Selected
 from acqd.discrepancy.selection.detectors.candidates import residuals_of
 from acqd.discrepancy.thresholds import THRESHOLDS

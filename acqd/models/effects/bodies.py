@@ -6,11 +6,11 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.models.effects.scene import Scene
-from acqd.robot.newton_euler import Chain, Frames, frames, joint_torques, weight_torque
+from acqd.robot.newton_euler import Chain, joint_torques
 
 GRAVITY = 9.81
-LINK_FRAMES, LINK_TORQUES = "frames", "torques of bodies on links"
-"""Keys in `Scene.moved`, of what is larger than all the rest."""
+_LINK_TORQUES = "torques of bodies on links"
+"""Key in `Scene.moved`."""
 
 
 def weight_power(scene: Scene, name: str, points: list[tuple[int, Floats]]) -> list[Floats]:
@@ -18,15 +18,16 @@ def weight_power(scene: Scene, name: str, points: list[tuple[int, Floats]]) -> l
 
     The scene keeps their torques under `name`: these depend on the motion only, and effects ask for them often.
     """
-    known = scene.moved.setdefault(LINK_TORQUES, {})
+    known = scene.moved.setdefault(_LINK_TORQUES, {})
     if name not in known:
-        known[name] = [weight_torque(_frames(scene), link, point) for link, point in points]
+        still = np.zeros_like(scene.q)
+        known[name] = _torques(scene, [(link, point_mass(point)) for link, point in points], (still, still))
     return [torque_power(scene, torque) for torque in known[name]]
 
 
 def torque_power(scene: Scene, torque: Floats) -> Floats:
     """[N] W of additional torque [N, axes] Nm at the motors, at the scene's power per torque."""
-    return np.asarray((scene.power_per_torque * torque).sum(axis=1))
+    return np.asarray(np.einsum("nj,nj->n", scene.power_per_torque, torque))
 
 
 def point_mass_power(scene: Scene, reach_m: float) -> Floats:
@@ -62,7 +63,7 @@ def first_moment_power(scene: Scene, reach_m: float) -> Floats:
 
 def link_power(scene: Scene, name: str, bodies: list[tuple[int, Floats]]) -> list[Floats]:
     """[N] W each of bodies on links (from 0) with inertial parameters [10]; `name` as in `weight_power`."""
-    known = scene.moved.setdefault(LINK_TORQUES, {})
+    known = scene.moved.setdefault(_LINK_TORQUES, {})
     if name not in known:
         known[name] = _torques(scene, bodies)
     return [torque_power(scene, torque) for torque in known[name]]
@@ -109,21 +110,14 @@ def centres_of(inertial: Floats) -> Floats:
     return np.clip(links[:, 1:4] / np.maximum(links[:, :1], 1e-3), -0.5, 0.5)
 
 
-def _frames(scene: Scene) -> Frames:
-    if LINK_FRAMES not in scene.moved:
-        scene.moved[LINK_FRAMES] = frames(scene.model.chain, scene.q)
-    computed: Frames = scene.moved[LINK_FRAMES]
-    return computed
-
-
 def _last_link_torques(scene: Scene, bodies: list[Floats]) -> Floats:
     """[n, N, axes] Nm of n bodies with inertial parameters [10] on the last link."""
     return _torques(scene, [(scene.axes - 1, body) for body in bodies])
 
 
-def _torques(scene: Scene, bodies: list[tuple[int, Floats]]) -> Floats:
-    """[n, N, axes] Nm of n bodies on links (from 0) with inertial parameters [10]."""
+def _torques(scene: Scene, bodies: list[tuple[int, Floats]], speeds: tuple[Floats, Floats] | None = None) -> Floats:
+    """[n, N, axes] Nm of n bodies on links (from 0) with inertial parameters [10]; `speeds`: other qd and qdd."""
     arms = np.zeros((len(bodies), scene.axes, 10))
     for arm, (link, body) in zip(arms, bodies, strict=True):
         arm[link] = body
-    return joint_torques(scene.model.chain, arms, scene.q, scene.qd, scene.qdd)
+    return joint_torques(scene.model.chain, arms, scene.q, *(speeds or (scene.qd, scene.qdd)))

@@ -17,9 +17,8 @@ from acqd.models.greybox.model import GreyBox
 from acqd.models.greybox.normal_equations import CORRELATED_ROWS, NormalEquations, Observations, normal_equations
 from acqd.models.greybox.parameters import Layout, Prior, prior
 from acqd.models.segments import SIGNALS, Segment
-from acqd.robot.arm import Arm
 from acqd.robot.description import RobotDescription
-from acqd.robot.dynamics import inertial_parameters
+from acqd.robot.inertia import inertial_parameters
 from acqd.robot.newton_euler import Chain
 
 _MAX_ROWS = 90_000
@@ -59,10 +58,10 @@ def fit_grey_box(
     """
     signals = tuple(n for n in SIGNALS if all(n in s.signals for s in segments) and _varies(segments, n))
     layout = Layout(robot.axes, signals, robot.sliding)
-    arm = Arm(robot)
-    parts = [Observations.of(arm, layout, segment, step_s) for segment in _drawn(segments, seed)]
+    chain = Chain.of(robot)
+    parts = [Observations.of(chain, layout, segment, step_s) for segment in _drawn(segments, seed)]
     standby_W = float(np.percentile(np.concatenate([part.P for part in parts]), 2))
-    belief = prior(layout, robot, inertial_parameters(arm), standby_W, step_s)
+    belief = prior(layout, robot, inertial_parameters(robot), standby_W, step_s)
     usual = np.array([np.median(np.concatenate([s.signals[n] for s in segments])) for n in signals])
     low, high = layout.lowest(), np.full(layout.size, np.inf)
     high[layout.part("lag")] = 2.0 * step_s
@@ -73,7 +72,6 @@ def fit_grey_box(
     if learned is not None:
         belief, correlated = learned.on(described, layout), CORRELATED_ROWS * learned.inflation
     values = np.clip(belief.mean, low, high)
-    chain = Chain.of(robot)
 
     def make(x: Floats) -> GreyBox:
         return GreyBox(chain, layout, x, step_s, usual)

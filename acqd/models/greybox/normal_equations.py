@@ -12,8 +12,7 @@ from acqd.models.greybox.model import SMALL_TORQUE, GreyBox, direction, lagged, 
 from acqd.models.greybox.parameters import Layout, Prior
 from acqd.models.segments import Segment
 from acqd.numerics import mad_sigma
-from acqd.robot.arm import Arm
-from acqd.robot.dynamics import regressor
+from acqd.robot.newton_euler import Chain, regressor
 
 _HUBER = 2.0  # standard deviations beyond which the loss is linear
 CORRELATED_ROWS = 10.0
@@ -42,10 +41,10 @@ class Observations:
     """[T, k]."""
 
     @classmethod
-    def of(cls, arm: Arm, layout: Layout, segment: Segment, step_s: float) -> Observations:
+    def of(cls, chain: Chain, layout: Layout, segment: Segment, step_s: float) -> Observations:
         """Motion and regressor of a segment."""
         q, qd, qdd = segment.motion(step_s)
-        Y = regressor(arm, q, qd, qdd).astype(np.float32)
+        Y = regressor(chain, q, qd, qdd).astype(np.float32)
         columns = [segment.signals[name] for name in layout.signals]
         signals = np.column_stack([np.zeros((len(q), 0)), *columns])
         return cls(segment.recording, segment.P, q, qd, qdd, Y, segment.tau, signals)

@@ -41,7 +41,7 @@ def witness_of(model, **change):
     segments = [(logged(model, k, 1, sensor=change.get("sensor", False)), False) for k in range(4)]
     segments += [(logged(model, k, 2, **change), True) for k in range(2)]
     scenes = [segment_scene(model, segment) for segment, _ in segments]
-    return Witness.of(model, Arm(ROBOT), segments, scenes)
+    return Witness.of(model, ROBOT, segments, scenes)
 
 
 def best_of(witness, effect_id, where):
@@ -93,7 +93,7 @@ def test_friction_shows_in_currents_and_not_behind_the_gear(model):
 def test_without_torques_on_both_sides_there_is_no_witness(model):
     bare = recording(model, 0, rows=300)
     both = [(logged(model, 1, 1), False), (bare, True)]
-    assert Witness.of(model, Arm(ROBOT), both, [segment_scene(model, s) for s, _ in both]) is None
+    assert Witness.of(model, ROBOT, both, [segment_scene(model, s) for s, _ in both]) is None
     assert joint_level(None, ALL) is None
 
 
@@ -109,7 +109,7 @@ def test_equal_names_on_both_sides_are_two_sessions(model):
     before = [replace(logged(model, k, 1), recording=f"r{k}") for k in range(3)]
     after = [replace(logged(model, k, 2, payload=Payload(1.2, (0.0, 0.1, 0.05))), recording=f"r{k}") for k in range(2)]
     segments = [(segment, False) for segment in before] + [(segment, True) for segment in after]
-    witness = Witness.of(model, Arm(ROBOT), segments, [segment_scene(model, segment) for segment, _ in segments])
+    witness = Witness.of(model, ROBOT, segments, [segment_scene(model, segment) for segment, _ in segments])
     assert sum(session.in_question for session in witness.sessions) == 2 and len(witness.sessions) == 5
     assert joint_level(witness, ALL).explains == "payload"
 

@@ -12,7 +12,8 @@ from acqd.arrays import Floats
 from acqd.discrepancy.loads import switching
 from acqd.discrepancy.regression.design_columns import Candidate, Twin
 from acqd.discrepancy.regression.design_matrix import Design
-from acqd.discrepancy.regression.gram import Column, Indices, Regression
+from acqd.discrepancy.regression.gram import Indices
+from acqd.discrepancy.regression.least_squares import Column, Regression
 from acqd.discrepancy.selection.detectors import ripple
 from acqd.discrepancy.selection.detectors.rhythm import rhythm
 from acqd.discrepancy.thresholds import THRESHOLDS
@@ -99,7 +100,7 @@ def detect(design: Design, regression: Regression, gate: Floats, known: set[str]
 def _force(effect: Effect, scene: Scene) -> Floats:
     """[T] W of a contact force of 1 N that acts all the time."""
     power = effect_rows(effect, scene, {"share_of_time": 1.0})[:, 0]
-    scene.moved.clear()  # link frames of hours of motion are much larger than what they are needed for
+    scene.moved.clear()  # torques of bodies in hours of motion are much larger than what they are needed for
     return np.asarray(power)
 
 
