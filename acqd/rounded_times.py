@@ -21,8 +21,6 @@ _FEW = 0.005
 """Share of rows with another row's stamp up to which they are single faults, not digits that are missing."""
 _APART = 2.5
 """Rows by which the time between two stamps may differ from that of the rows that hold the first."""
-_WIDER = 1.5
-"""Usual time between stamps beyond which rows are missing."""
 _IRREGULAR = 0.02
 """Share of stamps that may be off the line."""
 _REACH_S, _LEAST_REACH, _REACH = 0.8, 2, 8
@@ -86,7 +84,7 @@ def rebuilt_times(time: Floats, shared: int) -> Rebuilt | None:
     rows, width = np.diff(first), np.diff(time[first])
     row_s = _row_time(rows, width)
     # the first stamp of a recording is often begun in its middle: few rows and no gap
-    gap = (width > (rows + _APART) * row_s) & (width > _WIDER * _running_median(width))
+    gap = width > np.maximum(rows * row_s, _running_median(width)) + _APART * row_s
     level = np.rint(np.log2(_running_median(rows.astype(np.float64))))
     ends = np.flatnonzero(gap | (np.diff(level, append=level[-1]) != 0)) + 1
     # the first stamp with fewer digits is begun in its middle too: it belongs to those behind it

@@ -9,8 +9,10 @@ from typing import TypeAlias
 import numpy as np
 
 from acqd.arrays import Floats
-from acqd.dataset.axis_order import OrderJudgement, OrderSample, judge_order, judge_zeros, pieces, share_of, shares_of
+from acqd.dataset.axis_order import OrderJudgement, judge_order
+from acqd.dataset.axis_zeros import judge_zeros
 from acqd.dataset.merge import Recording
+from acqd.dataset.order_fit import OrderSample, pieces, share_of, shares_of
 from acqd.dataset.other_robot import other_robot
 from acqd.dataset.regressors import best_torque
 from acqd.errors import InputError, UserError

@@ -42,7 +42,11 @@ def check_log(log: RobotLog, robot: RobotDescription) -> None:
         raise InputError(
             log.path,
             f"has a row every {step_s:.3g} s, expected one every {SLOWEST_S} s or faster: "
-            "the motion between the rows is unknown; record at 25 Hz or more",
+            + (
+                "is its time in ms? Write s"
+                if 1.0 <= step_s <= 1000 * SLOWEST_S
+                else "the motion between the rows is unknown; record at 25 Hz or more"
+            ),
         )
     _check_unit(log, robot)
     span_s = float(time[-1] - time[0])

@@ -32,6 +32,10 @@ def motion_notes(logs: list[RobotLog]) -> list[str]:
         )
     for what, names in (
         ("jumps by whole turns were unwrapped", {log.path: log.quality.unwrapped for log in faulty}),
+        ("is often that of an earlier row while other joints move on: record all joints in every row",
+         {log.path: log.quality.by_itself for log in faulty}),
+        ("stays while the joint moves on, and then jumps: rows were left out",
+         {log.path: log.quality.frozen for log in faulty}),
         ("never changes while the arm moves, and counts as not measured",
          {log.path: log.quality.unmeasured for log in faulty}),
         ("left out", {log.path: log.quality.unusable for log in faulty}),

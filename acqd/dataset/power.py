@@ -103,7 +103,7 @@ def open_power(
     that of times in a file that name none.
     """
     clock = LocalClock(origin, zone)
-    path = Path(origin)
+    path, notes = Path(origin), list[str]()
     shown_origin = origin
     if "://" in origin or path.suffix in (".sqlite", ".db", ".sqlite3"):
         blocks = read_database(origin, device, channel, between_ns, engine)
@@ -111,15 +111,16 @@ def open_power(
     elif path.suffix in FILES:
         from acqd.dataset.power_files import read_file
 
-        blocks = read_file(path, device, channel)
+        blocks = read_file(path, device, channel, notes)
     elif "@" in origin:
         raise UserError("power: the URL cannot be understood; expected postgresql://user@host/name")
     else:
         raise UserError(f"power {origin}: expected an SQL URL, or a .sqlite, .csv, .jsonl or .parquet file")
-    return _spool(shown_origin, blocks, clock)
+    return _spool(shown_origin, blocks, clock, notes)
 
 
-def _spool(origin: str, blocks: Iterator[PowerRows], clock: LocalClock) -> PowerStream:
+def _spool(origin: str, blocks: Iterator[PowerRows], clock: LocalClock, notes: list[str]) -> PowerStream:
+    """`notes`: what reading the blocks says."""
     flags: set[str] = set()
     with tempfile.TemporaryFile(prefix="acqd-power-") as file:
         for block in blocks:
@@ -134,7 +135,7 @@ def _spool(origin: str, blocks: Iterator[PowerRows], clock: LocalClock) -> Power
         mapped: NDArray[np.void] = np.memmap(
             file, dtype=_ROW, mode="c"
         )  # times may be rebuilt: in memory, page by page
-    notes = clock.notes()
+    notes += clock.notes()
     stamp_error_s = _rebuild_shared_times(origin, mapped, notes)
     time_ns = mapped["time"]
     dropped = 0

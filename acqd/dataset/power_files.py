@@ -23,39 +23,42 @@ from acqd.timestamps import Nanoseconds, parse_times
 
 _ZONE = re.compile(r"(?:Z|[+-]\d\d:?(?:\d\d)?)$", re.IGNORECASE)
 """At the end of a time of RFC 3339 with a zone."""
+_SHOWN = 20
+"""Characters of a cell in a message."""
 _LONGEST_LINE = 1 << 16
 """Bytes of the end of a file that hold its last line."""
-Reader = Callable[[Path], Iterator[pa.RecordBatch]]
+Reader = Callable[[Path, list[str]], Iterator[pa.RecordBatch]]
+"""Batches of a file; what a user should know is added to the list."""
 
 
-def read_file(path: Path, device: str | None, channel: str | None) -> Iterator[PowerRows]:
+def read_file(path: Path, device: str | None, channel: str | None, notes: list[str]) -> Iterator[PowerRows]:
     """Rows of one device and channel; columns time (or filetime) and P, and device, channel, Vrms, flags if present.
 
-    Raises UserError, InputError.
+    What a user should know is added to `notes`. Raises UserError, InputError.
     """
     if not path.is_file():
         raise InputError(path, "no such file")
     try:
-        yield from _rows(path, _READERS[path.suffix], device, channel)
+        yield from _rows(path, _READERS[path.suffix], device, channel, notes)
     except UserError:
         raise
     except Exception as error:  # names and cells that are no text, types that a column cannot have ...
         raise InputError(path, f"cannot be read as power rows ({type(error).__name__}: {error})") from None
 
 
-def _rows(path: Path, reader: Reader, device: str | None, channel: str | None) -> Iterator[PowerRows]:
+def _rows(path: Path, reader: Reader, device: str | None, channel: str | None, notes: list[str]) -> Iterator[PowerRows]:
     present: set[tuple[str, str]] = set()
-    for table in reader(path):  # the first pass finds what there is to choose from
+    for table in reader(path, []):  # the first pass finds what there is to choose from
         present |= set(zip(*_devices_and_channels(table), strict=True))
     chosen = choose(str(path), present, device, channel)
-    for table in reader(path):
+    for table in reader(path, notes):
         rows = [k for k, pair in enumerate(zip(*_devices_and_channels(table), strict=True)) if pair == chosen]
         clock = _clock_column(path, table.schema.names)
         if rows:
             yield _power_rows(path, table, clock, rows)
 
 
-def parquet_batches(path: Path) -> Iterator[pa.RecordBatch]:
+def parquet_batches(path: Path, _notes: list[str]) -> Iterator[pa.RecordBatch]:
     """Batches of a Parquet file. Raises InputError."""
     try:
         with pyarrow.parquet.ParquetFile(path) as parquet:
@@ -65,10 +68,10 @@ def parquet_batches(path: Path) -> Iterator[pa.RecordBatch]:
         raise InputError(path, f"is not a Parquet file ({str(error).splitlines()[0]})") from None
 
 
-def csv_batches(path: Path) -> Iterator[pa.RecordBatch]:
+def csv_batches(path: Path, notes: list[str]) -> Iterator[pa.RecordBatch]:
     """Batches of a CSV file; with semicolons, its numbers have decimal commas or points. Raises InputError.
 
-    A last line that is cut off, as that of a recorder which was stopped hard, is no row.
+    A last line that is cut off, as that of a recorder which was stopped hard, is no row; a note says so.
     """
     left_out: list[pyarrow.csv.InvalidRow] = []
     misfits: list[pyarrow.csv.InvalidRow] = []
@@ -92,6 +95,8 @@ def csv_batches(path: Path) -> Iterator[pa.RecordBatch]:
             yield from pyarrow.csv.open_csv(file, read_options=read, parse_options=parse, convert_options=convert)
         except pa.ArrowInvalid as error:
             raise InputError(path, _misfit(misfits[0]) if misfits else str(error).splitlines()[0]) from None
+    if left_out:
+        notes.append(f"power {path}: its last line is cut off and left out: was the recorder stopped hard?")
 
 
 def _last_line(file: BinaryIO) -> str | None:
@@ -110,7 +115,7 @@ def _misfit(row: pyarrow.csv.InvalidRow) -> str:
     )
 
 
-def json_line_batches(path: Path) -> Iterator[pa.RecordBatch]:
+def json_line_batches(path: Path, _notes: list[str]) -> Iterator[pa.RecordBatch]:
     """Batches of a file with one JSON object a line. Raises InputError."""
     rows: list[dict[str, object]] = []
     with path.open("rb") as file:
@@ -159,7 +164,8 @@ def _power_rows(path: Path, table: pa.RecordBatch, clock: str, rows: list[int]) 
     flags = [_flag_names(data["flags"][k]) for k in rows] if "flags" in data else [()] * len(rows)
     column = table.column(clock).take(pa.array(rows))
     stamps, local = _stamps(path, column, clock), _without_zone(column)
-    P, Vrms = [_number(data["P"][k]) for k in rows], [_number(volts[k]) for k in rows]
+    P = [_number(path, "P", data["P"][k]) for k in rows]
+    Vrms = [_number(path, "Vrms", volts[k]) for k in rows]
     try:
         return PowerRows.of(stamps, P, Vrms, flags, without_zone=local)
     except ValueError as error:
@@ -185,8 +191,15 @@ def _timestamp(cell: object) -> object:
     return cell.isoformat() if hasattr(cell, "isoformat") else cell
 
 
-def _number(cell: object) -> float:
-    return float("nan") if cell is None or cell == "" else float(cell)  # type: ignore[arg-type]
+def _number(path: Path, column: str, cell: object) -> float:
+    """The number in a cell; NaN in an empty one. Raises InputError for text."""
+    try:
+        return float("nan") if cell is None or cell == "" else float(cell)  # type: ignore[arg-type]
+    except ValueError:
+        text = str(cell)[:_SHOWN]
+        raise InputError(
+            path, f"column {column} holds {text!r}: expected numbers without units, and empty cells for missing values"
+        ) from None
 
 
 def _flag_names(cell: object) -> tuple[str, ...]:

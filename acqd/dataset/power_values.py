@@ -27,8 +27,6 @@ _OFTEN = 10.0
 """Times that the largest value comes as often as any other, where a range ends."""
 _LOW = 0.1
 """Share of the values that are as low as those before a number of no value, where the power falls and ends at 0."""
-_AT_END, _SAMPLE_LEAST = 0.005, 1000
-"""Share of the rows at the largest value that the end of a range makes, and rows that show it."""
 _STEPS = 3.0
 """Steps of the written power, beyond which a change is no rounding."""
 _FEWEST_CHANGES = 30
@@ -36,8 +34,6 @@ _HELD = 0.7
 """Share of the changes that are followed by the same value at least once, and of the runs of the usual length."""
 _STRAIGHT_STEPS, _STRAIGHT_SHARE = 2.5, 1e-6
 """Steps of the written power, and share of its range, up to which three values in turn are on a straight line."""
-_CORNER = 5.0
-"""Times as much, from which on they make a corner."""
 _STRAIGHT = 0.95
 """Share of the corners of one or two rows, and of those at the usual distance, from which on the rows between were
 made."""
@@ -82,15 +78,14 @@ def no_values(P: Floats) -> tuple[NDArray[np.bool_], float] | None:
 def range_note(P: Floats) -> str:
     """A line on power that stops at a largest value, as at the end of a meter's range; empty otherwise."""
     values = P[np.isfinite(P)][:_SAMPLE_ROWS]
-    if len(values) < _SAMPLE_LEAST:
+    if not len(values):
         return ""
     distinct, counts = np.unique(values, return_counts=True)
-    share = counts[-1] / len(values)
-    if share < _AT_END or counts[-1] <= _OFTEN * float(counts[:-1].max(initial=1)):
+    if counts[-1] <= _OFTEN * float(counts[:-1].max(initial=1)):
         return ""
     return (
-        f"P never is above {distinct[-1]:g} W, and is that in {share:.0%} of the rows: it may end there because the "
-        "meter's range ends; choose a wider range"
+        f"P never is above {distinct[-1]:g} W, and is that in {counts[-1]} of {len(values)} rows: it may end there "
+        "because the meter's range ends; choose a wider range"
     )
 
 
@@ -127,13 +122,12 @@ def interpolated_every(P: Floats) -> int:
     straight_W = max(_STRAIGHT_STEPS * float(np.diff(distinct).min()), _STRAIGHT_SHARE * float(np.ptp(distinct)))
     bend = np.abs(np.diff(known, 2))
     corners = runs_of_true(bend > straight_W)
-    clear = np.array([bend[start:end].max() > _CORNER * straight_W for start, end in corners], bool)
-    if clear.sum() < _FEWEST_CHANGES:
+    if len(corners) <= _FEWEST_CHANGES:
         return 1
     # a measured value that lies between two rows bends both
     narrow = np.array([end - start <= 2 for start, end in corners])
-    apart = np.diff([start for start, _ in corners])[clear[:-1] & clear[1:]]  # from a clear corner to the next
-    if narrow[clear].mean() < _STRAIGHT or len(apart) < _FEWEST_CHANGES:
+    apart = np.diff([start for start, _ in corners])
+    if narrow.mean() < _STRAIGHT:
         return 1
     usual = float(np.median(apart))
     return round(float(np.mean(apart[apart < 1.5 * usual]))) if usual >= 3 and _regular(apart, usual) else 1

@@ -14,9 +14,12 @@ from acqd.dataset.power_values import large_power
 from acqd.errors import UserError
 from acqd.robot.columns import speed_fault, stuck, temperature_fault
 from acqd.robot.description import RobotDescription
+from acqd.robot.doubtful_rows import bridged, doubtful_rows
 from acqd.robot.garbled import FEW, beyond_limit, impossible_jump, limits, reach
-from acqd.robot.motion import MotionQuality, bridged, doubtful_rows, unwrapped
-from acqd.robot.resolution import resolution, smoothed, smoothing_of
+from acqd.robot.joint_refresh import between_refreshes, frozen
+from acqd.robot.motion_quality import MotionQuality
+from acqd.robot.resolution import smoothed, smoothing_of, steps_of
+from acqd.robot.unwrapping import unwrapped
 
 _MOVED = 0.05
 """rad or m that a joint covers at least where its speed, torque and current cannot stay zero."""
@@ -31,9 +34,12 @@ def trusted_motion(time: Floats, q: Floats, robot: RobotDescription) -> tuple[Fl
     `time` [T] s is even. Raises ValueError that says what no motion of this robot can be.
     """
     finite = np.asarray(np.isfinite(q).all(axis=1))
-    known = np.flatnonzero(finite)
-    if len(known) < 2:
+    if finite.sum() < 2:
         return q, finite, MotionQuality()
+    stale = np.zeros(q.shape, bool)
+    stale[finite] = frozen(time[finite], q[finite], steps_of(q[finite]), robot.acceleration)
+    usable = finite & ~stale.any(axis=1)
+    known = np.flatnonzero(usable)
     stamps = time[known]
     farthest = reach(np.diff(stamps), robot)
     angles = unwrapped(q[known], farthest, np.array([not joint.slides for joint in robot.joint]))
@@ -44,16 +50,21 @@ def trusted_motion(time: Floats, q: Floats, robot: RobotDescription) -> tuple[Fl
     jump = impossible_jump(stamps, angles, robot)
     if jump is not None:
         raise ValueError(f"row {int(known[jump[0] + 1]) + 1}: {jump[1]}; are rows of several recordings mixed?")
-    q_step = np.array([resolution(angle) for angle in angles.T])
-    doubts = doubtful_rows(stamps, angles, robot.speed, q_step)
-    names = [robot.joint[axis].name for axis in np.flatnonzero((angles != q[known]).any(axis=0))]
-    mended, unknown = bridged(stamps, angles, doubts.any, _LONGEST_S)
+    q_step = steps_of(angles)
+    lines, q_step = between_refreshes(stamps, angles, q_step, robot.speed)
+    doubts = doubtful_rows(stamps, lines, robot.speed, q_step)
+    names = [
+        tuple(robot.joint[axis].name for axis in np.flatnonzero(flags.any(axis=0)))
+        for flags in (angles != q[known], stale, lines != angles)
+    ]
+    mended, unknown = bridged(stamps, lines, doubts.any, _LONGEST_S)
     smoothing = smoothing_of(stamps, mended, q_step, robot.speed)
     mended = mended if smoothing is None else smoothed(stamps, mended, smoothing.windows_s)
-    filled, usable = q.copy(), finite.copy()
+    filled = q.copy()
     filled[known] = mended
     usable[known[unknown]] = False
-    return filled, usable, doubts.quality(unwrapped=tuple(names), smoothing=smoothing)
+    quality = replace(doubts.quality(), unwrapped=names[0], frozen=names[1], by_itself=names[2], smoothing=smoothing)
+    return filled, usable, replace(quality, frozen_rows=int(stale.any(axis=1).sum()))
 
 
 def without_unusable(

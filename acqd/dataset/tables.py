@@ -30,7 +30,7 @@ from acqd.robot.description import RobotDescription, load_description
 from acqd.robot.labels import from_cells
 from acqd.robot.log_ends import sentence, unknown_ends
 from acqd.robot.log_layout import LABELS
-from acqd.robot.motion import MotionQuality
+from acqd.robot.motion_quality import MotionQuality
 
 RECORDING = "recording"
 _IGNORED = (RECORDING, TIME, "split", "valid", "context")

@@ -25,6 +25,7 @@ from acqd.discrepancy.repair.torque_scale import scale_notes
 from acqd.discrepancy.repair.usual_error import UsualError
 from acqd.discrepancy.search import Progress, search
 from acqd.discrepancy.verdict import settled
+from acqd.memory import release_freed
 from acqd.models.noise_floor import noise_floor
 from acqd.residual.quality import quality
 from acqd.residual.residuals import errors_of
@@ -32,6 +33,7 @@ from acqd.residual.residuals import errors_of
 
 def close_loop(config: CloseConfig, progress: Progress) -> Closed:
     """Find effects, add them, measure the error. Raises UserError, InputError."""
+    progress = _releasing(progress)
     subject = subject_of(config, progress)
     errors_before = errors_of(subject.model, subject.held_out)
     floor_W, floor_source = noise_floor([*subject.fit, *subject.held_out], subject.data.step_s)
@@ -41,6 +43,7 @@ def close_loop(config: CloseConfig, progress: Progress) -> Closed:
     doubts = [each.doubt for each in effects if each.doubt is not None]
     if doubts and selection.unknown is None:
         selection = replace(selection, unknown=doubts[0])
+    progress("predicting held-out recordings", 0.0)
     predictive = Predictive.of(selection, subject)
     improved = improve(subject, effects, errors_before, predictive, config.seed)
     trial = tried(subject, selection, improved, predictive, config.seed)
@@ -53,6 +56,7 @@ def close_loop(config: CloseConfig, progress: Progress) -> Closed:
     if after.rmse < floor_W:  # no model can be better than the noise: brakes and supplies act at rest, too
         floor_W, floor_source = after.rmse, "of the residual, which is smaller than what the power varies by at rest"
     warnings = [*disagreements(selection, improved), *common_load(selection), *drifted_level(selection)]
+    progress("what these recordings can tell", 0.0)
     unexplained = selection.keeping(set())
     ability = Ability.of(unexplained.rows, unexplained.design.columns.in_question)
     return Closed(
@@ -66,3 +70,17 @@ def close_loop(config: CloseConfig, progress: Progress) -> Closed:
         ],
         warnings=warnings,
     )  # fmt: skip
+
+
+def _releasing(progress: Progress) -> Progress:
+    """Gives memory back between the stages: one leaves hundreds of MB behind in hours of recordings."""
+    now = ""
+
+    def report(stage: str, share: float) -> None:
+        nonlocal now
+        if stage != now:
+            release_freed()
+            now = stage
+        progress(stage, share)
+
+    return report

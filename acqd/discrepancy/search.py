@@ -13,7 +13,6 @@ from acqd.discrepancy.recordings import Subject
 from acqd.discrepancy.regression.setup import Comparison, set_up
 from acqd.discrepancy.selection.accepted import Selection
 from acqd.discrepancy.selection.forward_selection import Limits, select
-from acqd.memory import release_freed
 from acqd.models.effects import library
 from acqd.models.effects.scene import Scene, segment_scene
 from acqd.models.segments import Segment
@@ -77,9 +76,4 @@ def _select(config: CloseConfig, subject: Subject, progress: Progress) -> Select
         begins=begins_of([*subject.fit, *subject.held_out]),
     )  # fmt: skip
     setup = set_up(comparison, lambda share: progress(what, share))
-
-    def next_step(text: str) -> None:
-        release_freed()  # a step leaves hundreds of MB behind in hours of recordings
-        progress(text, 0.0)
-
-    return select(setup, Limits(config.max_effects), next_step)
+    return select(setup, Limits(config.max_effects), lambda text: progress(text, 0.0))

@@ -29,7 +29,7 @@ _STAMPS = 101  # time stamps of which a stamp must be near the median: more than
 _APART_S = 5.0
 _APART_STEPS = 200
 _RUN = 5  # rows with even steps: such a run is a part of the recording, wherever it lies
-_TOO_FAST = 3.0  # times the joint's speed limit
+TOO_FAST = 3.0  # times the joint's speed limit
 _RESOLUTION = 0.1  # rad
 _SHORTER = 0.8
 """Way in the order of the times over that in the order of the rows, from which on rows are only out of order."""
@@ -135,7 +135,7 @@ def _way(q: Floats) -> float:
 
 def reach(step_s: Floats, robot: RobotDescription) -> Floats:
     """[T, axes] rad or m that joints can move within steps [T] s, with an allowance."""
-    return np.asarray(_TOO_FAST * step_s[:, None] * robot.speed + _RESOLUTION)
+    return np.asarray(TOO_FAST * step_s[:, None] * robot.speed + _RESOLUTION)
 
 
 def _not_numbers(time: Floats, q: Floats) -> dict[int, str]:

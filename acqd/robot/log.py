@@ -14,14 +14,17 @@ from acqd.errors import InputError
 from acqd.robot.bag import is_bag, read_bag
 from acqd.robot.columns import speed_fault, stuck, temperature_fault
 from acqd.robot.description import LogColumns, RobotDescription
+from acqd.robot.doubtful_rows import doubtful_rows
 from acqd.robot.garbled import BEYOND, FEW, beyond_limit, clock_restart, garbled_rows, impossible_jump, limits, reach
+from acqd.robot.joint_refresh import between_refreshes, frozen
 from acqd.robot.labels import Texts
 from acqd.robot.log_layout import LABELS, PER_AXIS, Columns, layout_of, more_axes, twice, why_not, word_columns
-from acqd.robot.motion import MotionQuality, doubtful_rows, unwrapped
-from acqd.robot.resolution import resolution, smoothed, smoothing_of
+from acqd.robot.motion_quality import MotionQuality
+from acqd.robot.resolution import smoothed, smoothing_of, steps_of
 from acqd.robot.row_clock import LateStamps, clock_fault, late_stamps, set_back
 from acqd.robot.table import Table, read_table
 from acqd.robot.tool_point import check_tool_point
+from acqd.robot.unwrapping import unwrapped
 from acqd.rounded_times import Rebuilt, rebuilt_times, shared_stamps
 
 LATEST_S = 7_258_118_400.0
@@ -110,11 +113,15 @@ def log_of(path: Path, table: Table, robot: RobotDescription) -> RobotLog:
     point = table.values[:, found[1]["tool_point"]] if "tool_point" in found[1] else None
     recorded, log = log.q, _unwrapped(log, robot)
     faults = garbled_rows(log.time, log.q, robot) | table.broken
-    if len(faults) > FEW * len(log.time):
+    known = np.isfinite(log.q).all(axis=1) | ~np.isfinite(log.time)  # angles of other rows were not measured
+    garbled = sum(bool(known[row]) for row in faults)
+    if garbled > FEW * len(log.time) or len(faults) > len(log.time) - 2:
         raise InputError(path, _refusal(table, log.q, faults, robot))
-    if faults:
-        kept = np.ones(len(log.time), bool)
-        kept[list(faults)] = False
+    kept = np.ones(len(log.time), bool)
+    kept[list(faults)] = False
+    stale = _frozen(log, kept, robot)
+    kept &= ~stale.any(axis=1)
+    if not kept.all():
         recorded, log = recorded[kept], replace(log.part(kept, path), note=_note(table, faults))
         table = replace(table, lines=table.lines[kept])
         point = None if point is None else point[kept]
@@ -127,11 +134,33 @@ def log_of(path: Path, table: Table, robot: RobotDescription) -> RobotLog:
         raise InputError(path, f"{where}: {jump[1]}; is the log damaged, in degrees, or another robot's?")
     if point is not None:
         check_tool_point(path, robot, log.q, point)
-    wrapped = tuple(robot.joint[axis].name for axis in np.flatnonzero((recorded != log.q).any(axis=0)))
+    unwrapped_q = log.q
+    log, q_step = _refreshed(log, robot)
+    quality = MotionQuality(
+        unwrapped=_names(robot, recorded != unwrapped_q),
+        by_itself=_names(robot, log.q != unwrapped_q),
+        frozen=_names(robot, stale),
+        frozen_rows=int(stale.any(axis=1).sum()),
+        rebuilt=stamps,
+    )
     if more := more_axes(table, robot, found[0]):
         axes = f"has {robot.axes + more} axes, {robot.name} has {robot.axes}: the others are not used; is it its log?"
         log = replace(log, note=f"{log.note}; {axes}" if log.note else axes)
-    return _trusted(log, robot, wrapped, stamps, table)
+    return _trusted(log, robot, quality, q_step, table)
+
+
+def _names(robot: RobotDescription, flags: NDArray[np.bool_]) -> tuple[str, ...]:
+    """Joints with any of the flags [T, axes]."""
+    return tuple(robot.joint[axis].name for axis in np.flatnonzero(flags.any(axis=0)))
+
+
+def _frozen(log: RobotLog, kept: NDArray[np.bool_], robot: RobotDescription) -> NDArray[np.bool_]:
+    """[T, axes] angles of the rows `kept` [T] that were not refreshed while the joint moved on."""
+    stale = np.zeros(log.q.shape, bool)
+    rows = np.flatnonzero(kept)
+    rows = rows[np.unique(log.time[rows], return_index=True)[1]]
+    stale[rows] = frozen(log.time[rows], log.q[rows], steps_of(log.q[rows]), robot.acceleration)
+    return stale
 
 
 def _require_one_clock(log: RobotLog, table: Table, robot: RobotDescription) -> None:
@@ -189,17 +218,12 @@ def _with_even_times(
     if not (np.diff(rows) > 0).all():  # rows that are not in order tell nothing of who stamped them
         return log, None
     origin = float(np.median(log.time[good]))
-    late = late_stamps(log.time[rows] - origin, log.q[rows], robot.speed, _steps(log.q[rows]))
+    late = late_stamps(log.time[rows] - origin, log.q[rows], robot.speed, steps_of(log.q[rows]))
     if late is None:
         return log, None
     time = log.time.copy()
     time[rows] = origin + late.time
     return replace(log, time=time), late
-
-
-def _steps(q: Floats) -> Floats:
-    """[axes] rad or m: how finely angles [T, axes] are written."""
-    return np.array([resolution(angle) for angle in q.T])
 
 
 def _unwrapped(log: RobotLog, robot: RobotDescription) -> RobotLog:
@@ -216,19 +240,21 @@ def _unwrapped(log: RobotLog, robot: RobotDescription) -> RobotLog:
     return replace(log, q=angles)
 
 
-def _trusted(
-    log: RobotLog,
-    robot: RobotDescription,
-    wrapped: tuple[str, ...],
-    rebuilt: Rebuilt | LateStamps | None,
-    table: Table,
-) -> RobotLog:
+def _refreshed(log: RobotLog, robot: RobotDescription) -> tuple[RobotLog, Floats]:
+    """The log without the old angles of joints that are refreshed by themselves, and how finely it knows angles."""
+    stamps, rows = in_time(log)
+    angles = log.q.copy()
+    angles[rows], q_step = between_refreshes(stamps, log.q[rows], steps_of(log.q[rows]), robot.speed)
+    return replace(log, q=angles), q_step
+
+
+def _trusted(log: RobotLog, robot: RobotDescription, found: MotionQuality, q_step: Floats, table: Table) -> RobotLog:
     """The log without rows whose pose is not that of their time, and without quantities that are not measured.
 
+    `found`: what reading the log has shown already; `q_step` [axes]: how finely angles are known.
     Raises InputError where the times are not those of the poses at all.
     """
     stamps, rows = in_time(log)
-    q_step = _steps(log.q[rows])
     doubts = doubtful_rows(stamps, log.q[rows], robot.speed, q_step)
     new = np.flatnonzero(~doubts.repeated)
     fault = clock_fault(stamps[new], log.q[rows[new]], robot.speed, q_step, np.diff(new) > 1)
@@ -255,11 +281,15 @@ def _trusted(
         angles = log.q.copy()
         angles[rows[good]] = smoothed(stamps[good], log.q[rows[good]], smoothing.windows_s)
         log = replace(log, q=angles)
-    quality = doubts.quality(
-        unwrapped=wrapped,
+    quality = replace(
+        doubts.quality(),
+        unwrapped=found.unwrapped,
+        by_itself=found.by_itself,
+        frozen=found.frozen,
+        frozen_rows=found.frozen_rows,
         unmeasured=unmeasured,
         unusable=tuple(unusable.values()),
-        rebuilt=rebuilt,
+        rebuilt=found.rebuilt,
         fault=fault,
         smoothing=smoothing,
     )
@@ -315,6 +345,8 @@ def _refusal(table: Table, q: Floats, faults: dict[int, str], robot: RobotDescri
 
 
 def _note(table: Table, faults: dict[int, str]) -> str:
+    if not faults:
+        return ""
     rows = sorted(faults)
     named = ", ".join(str(table.line(row)) for row in rows[:_NAMED_ROWS])
     more = f" and {len(rows) - _NAMED_ROWS} more" if len(rows) > _NAMED_ROWS else ""

@@ -134,7 +134,9 @@ def why_not(table: Table, robot: RobotDescription) -> str:
         if count and counted == set(range(robot.axes)) and pattern == layouts[-1].q.format("#", "#"):
             return f"counts its axes from 0: expected {pattern.replace('#', '1')} .. {pattern.replace('#', str(count))}"
         if count:  # all angles are there, so that the time is not
-            return f"has {count} columns {pattern.replace('#', 'N')}, but no time: expected {_clocks(layouts)}"
+            other = any(name.lower().startswith(("time", "t_", "t [", "t(", "stamp")) for name in table.header)
+            remedy = "; rename the column of the time, and write it in s" if other else ""
+            return f"has {count} columns {pattern.replace('#', 'N')}, but no time: expected {_clocks(layouts)}{remedy}"
     plain = [re.sub(r"[\[(].*?[\])]|[^a-z0-9]", "", name.lower()) for name in table.header]
     if {"time", *(f"q{axis + 1}" for axis in range(robot.axes))} <= set(plain):
         return (

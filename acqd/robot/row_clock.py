@@ -19,8 +19,6 @@ from acqd.numerics import mad_sigma, running_line, runs_of_true
 
 _AROUND = 4
 """Rows on either side that tell the usual way and step."""
-_PACKET = 25
-"""Rows on either side over which late rows of a packet make up for each other."""
 _TRUSTED = 0.98
 """Share of the steps by which the scatter is known."""
 _FAST = 0.02
@@ -29,10 +27,6 @@ _STEPS_OF_ENCODER = 12.0
 """Steps of the written positions that a way needs."""
 _FEWEST = 60
 """Rows in motion that are judged."""
-_UNEVEN = 0.08
-"""Scatter of the stamps over the usual step from which on stamps may be those of a recorder."""
-_BETTER = 0.5
-"""Scatter of the ways over that of the stamps against the ways, below which the rate is even and the stamps are not."""
 _SMOOTHER = 5.0
 """Change of speed from row to row with the stamps as they are, over that with even times, from which on the even times
 are the true ones. True late rows: 8 and more; a log that stops and goes, or has blocks of another rate: below 3."""
@@ -40,10 +34,8 @@ _WINDOW_S = 1.0
 """Span of the line through the stamps. A rate drifts by less than a row in it."""
 _PAUSE_S = 0.6
 """Step between rows that is a pause of the recorder, not a late packet."""
-_REST_S = 0.3
-"""Time without motion that ends a line."""
 _REST_OFF_S = 0.15
-"""Difference of such a time from that of as many rows in motion, from which on rows may be missing in it."""
+"""Difference of a time without motion from that of as many rows in motion, from which on rows may be missing in it."""
 _RESTS = 3.0
 """Usual steps of one pose, written again and again, that are a rest."""
 _EARLIEST = 0.02
@@ -56,8 +48,11 @@ _CALM = 0.1
 """Scatter of the ways up to which a way of two rows is known."""
 _SET_ROWS, _SET_S = 5.0, 0.04
 """Usual steps, and s, by which the stamps go on while the arm covers the way of one row."""
-_TO_AND_FRO, _TO_AND_FRO_SHARE = 2.0, 0.5
-"""Way of two rows over their distance, and the share of the rows in motion, from which on the arm goes to and fro."""
+_AHEAD = 0.5
+"""Distance covered over the ways between, of an arm that goes somewhere. The noise of encoders covers a ninth."""
+_TO_AND_FRO, _TO_AND_FRO_SHARE = 3.0, 0.5
+"""Way of two rows over their distance, and the share of the rows in motion, from which on the arm goes to and fro. The
+noise of encoders goes twice as far."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,6 +95,8 @@ class _Ways:
     """Way of the arm over the usual one around it."""
     step_s: Floats
     """Usual step around it, s."""
+    fast: NDArray[np.bool_]
+    """Steps of a usual way, on the way to somewhere or to and fro."""
 
     @property
     def judged(self) -> NDArray[np.bool_]:
@@ -121,17 +118,14 @@ def late_stamps(time: Floats, q: Floats, speed: Floats, q_step: Floats) -> LateS
     judged = ways.judged & ~rests
     if judged.sum() < _FEWEST:
         return None
-    step = (steps / np.maximum(_running_mean(np.minimum(steps, _PAUSE_S), _PACKET), 1e-9))[judged] - 1
-    way = ways.way[judged] - 1
-    uneven = _scatter(step)
-    if uneven < _UNEVEN or _scatter(way) > _BETTER * _scatter(step - way):
+    if _scatter(ways.way[judged] - 1) >= _scatter(ways.step[judged] - 1):  # stamps are as even as the arm, or more
         return None
     rows = np.where(judged, np.maximum(np.rint(ways.way), 1.0), 1.0)  # rows that were lost count
     pauses = rests | (steps >= _PAUSE_S)
     row_s = float(steps[judged].sum() / rows[judged].sum())
     for start, end in runs_of_true(~judged):  # an arm that rests tells no time, but rows go on at the same rate
         span = stamps[end] - stamps[start]
-        pauses[start:end] |= span > _REST_S and abs(span - row_s * (end - start)) > _REST_OFF_S
+        pauses[start:end] |= abs(span - row_s * (end - start)) > _REST_OFF_S
     even = even_times(stamps, rows=rows, pauses=pauses)
     moved = np.linalg.norm(np.diff(q[new] / speed, axis=0), axis=1)
     if _changes(stamps, moved, judged) < _SMOOTHER * _changes(even.time, moved, judged):
@@ -163,12 +157,14 @@ def clock_fault(
     ways = _ways(time, q / speed, q_step / speed)
     if ways is None:
         return None
-    fro = _to_and_fro(q / speed, ways.judged)
+    fro = _to_and_fro(q / speed, ways.fast)
     if fro > _TO_AND_FRO_SHARE:
         return ClockFault(
             f"the arm goes to and fro from row to row in {fro:.0%} of the rows in motion: are rows of two "
             "recorders, or of two robots, in one file? Write one file for each"
         )
+    if ways.judged.sum() < _FEWEST:
+        return None
     equal = np.diff(q, axis=0).any(axis=1) == 0
     skipped = equal if left_out is None else equal | left_out
     skipped = skipped | np.append(skipped[1:], False) | np.insert(skipped[:-1], 0, False)
@@ -225,15 +221,15 @@ def _ways(time: Floats, x: Floats, x_step: Floats) -> _Ways | None:
     ahead[_AROUND:-_AROUND] = chord
     typical_s = float(np.median(step_s))
     written = float(np.linalg.norm(x_step))
-    fast = (usual > _FAST * np.maximum(usual_s, typical_s)) & (usual > _STEPS_OF_ENCODER * written) & (ahead > 0)
+    fast = (usual > _FAST * np.maximum(usual_s, typical_s)) & (usual > _STEPS_OF_ENCODER * written)
     # where the arm starts, stops or turns there is no usual way
     even = np.abs(usual - _shifted(usual)) < 0.3 * usual
-    judged = fast & even
-    if judged.sum() < _FEWEST:
+    fast &= even & (ahead > 0)
+    if fast.sum() < _FEWEST:
         return None
     nan = np.full(len(way), np.nan)
-    nan[judged] = 1.0
-    return _Ways(step_s / usual_s * nan, way / np.maximum(usual, 1e-12) * nan, usual_s)
+    nan[fast & (ahead > _AHEAD * usual)] = 1.0
+    return _Ways(step_s / usual_s * nan, way / np.maximum(usual, 1e-12) * nan, usual_s, fast)
 
 
 def _shifted(usual: Floats) -> Floats:
@@ -327,9 +323,3 @@ def _running_median(values: Floats) -> Floats:
     """[T] median of nine values around each."""
     padded = np.pad(values, _AROUND, mode="edge")
     return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(padded, 2 * _AROUND + 1), axis=1))
-
-
-def _running_mean(values: Floats, around: int) -> Floats:
-    """[T] mean of the values up to `around` rows away."""
-    padded = np.pad(values, around, mode="edge")
-    return np.convolve(padded, np.full(2 * around + 1, 1 / (2 * around + 1)), "valid")

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from acqd.dataset.axis_order import OrderSample
 from acqd.dataset.build import BuildConfig, build
 from acqd.dataset.column_check import (
     _require_scale,
@@ -16,6 +15,7 @@ from acqd.dataset.column_check import (
     judge_table,
 )
 from acqd.dataset.merge import Recording
+from acqd.dataset.order_fit import OrderSample
 from acqd.dataset.other_robot import other_robot
 from acqd.errors import UserError
 from acqd.robot.description import load_description

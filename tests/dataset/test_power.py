@@ -186,17 +186,20 @@ ROWS = "time,P\n" + "".join(f"{1_700_000_000 + 0.04 * k:.2f},{100 + 9 * np.sin(0
 
 
 @pytest.mark.parametrize(
-    ("content", "rows"),
+    ("content", "rows", "noted"),
     [
-        (ROWS.replace(",", "\t").encode(), 200),
-        (ROWS.encode("utf-16"), 200),
-        (ROWS[:-9].encode(), 199),  # the recorder was stopped within a line
-        (ROWS.encode() + bytes(500), 200),  # the file system had kept room for more
+        (ROWS.replace(",", "\t").encode(), 200, 0),
+        (ROWS.encode("utf-16"), 200, 0),
+        (ROWS[:-9].encode(), 199, 1),  # the recorder was stopped within a line
+        (ROWS.encode() + bytes(500), 200, 1),  # the file system had kept room for more
     ],
 )
-def test_tabs_other_encodings_and_a_last_line_that_is_cut_off_are_read(tmp_path, content, rows):
+def test_tabs_other_encodings_and_a_last_line_that_is_cut_off_are_read(tmp_path, content, rows, noted):
     (tmp_path / "rows.csv").write_bytes(content)
-    assert len(open_power(str(tmp_path / "rows.csv"), None, None).P) == rows
+    stream = open_power(str(tmp_path / "rows.csv"), None, None)
+    assert len(stream.P) == rows
+    cut = [note for note in stream.notes if "its last line is cut off and left out" in note]
+    assert len(cut) == noted
 
 
 @pytest.mark.parametrize(
@@ -211,6 +214,8 @@ def test_tabs_other_encodings_and_a_last_line_that_is_cut_off_are_read(tmp_path,
         (ROWS.replace("\n", ",5\n").replace("P,5", "P").encode(), "row 2 has 3 columns, .*separate columns by ;"),
         (ROWS.replace("00.40,", "00.40 ").encode() + b"1", "row 12 has 1 columns, the header 2"),
         (ROWS.encode() + b"1700000100\n", "row 202 has 1 columns, the header 2"),
+        (ROWS.encode() + b"1700000100,---\n", "column P holds '---': .* empty cells for missing values"),
+        (ROWS.replace("\n", " W\n").replace("P W", "P").encode(), "column P holds '.* W': expected numbers without"),
         (
             b"time,P\n" + b"".join(b"%d,%d\n" % (1_700_000_000 + k, k) for k in range(150)),
             "P never falls: is it the reg",

@@ -160,6 +160,15 @@ def test_an_angle_that_no_joint_can_reach_so_fast_is_left_out(tmp_path, angle):
     assert len(log.time) == ROWS - 2 and "rows 102, 302 (" in log.note
 
 
+def test_rows_without_angles_are_left_out_however_many_they_are(tmp_path):
+    time, q = moving()
+    kept = np.delete(np.arange(ROWS), np.concatenate([np.arange(50), np.arange(51, ROWS, 3)]))
+    q[np.setdiff1d(np.arange(ROWS), kept), 2] = np.nan  # before the driver knew them, and of rows of another message
+    log = read_log(csv_of(tmp_path / "x.csv", time, q), load_description("iiwa7_r800"))
+    np.testing.assert_allclose(log.time, time[kept], atol=1e-6)
+    assert "rows garbled and left out" in log.note
+
+
 def test_many_garbled_rows_and_jumps_that_last_are_refused(tmp_path):
     time, q = moving()
     garbled = time.copy()

@@ -1,13 +1,17 @@
 """Stamps of rows that are not those of their poses: late, in packets, of a clock that was set, of two recorders."""
 
+import itertools
+
 import numpy as np
 import pytest
 
 from acqd.dataset.log_check import check_log
 from acqd.errors import InputError
 from acqd.robot.description import load_description
+from acqd.robot.doubtful_rows import doubtful_rows
+from acqd.robot.joint_refresh import between_refreshes, frozen
 from acqd.robot.log import log_of, read_log
-from acqd.robot.motion import doubtful_rows
+from acqd.robot.resolution import steps_of
 from acqd.robot.row_clock import clock_fault, even_times, late_stamps
 from acqd.robot.table import Table
 from tests.places import ROBOT_LOGS
@@ -288,3 +292,76 @@ def test_a_short_log_in_packets_is_not_in_minutes():
     arrived = 0.008 * np.minimum((row // 25 + 1) * 25 - 1, 59) + 0.0002 * (row % 25)
     q = np.column_stack([0.8 * np.sin(2 * np.pi * (0.1 + 0.03 * axis) * 0.008 * row + axis) for axis in range(6)])
     check_log(log_with(arrived, q), ROBOT)
+
+
+@pytest.mark.parametrize(("first", "rows", "joint"), [(600, 100, 1), (900, 20, 2), (1200, 150, 0)])
+def test_rows_of_a_joint_whose_angle_is_not_refreshed_are_left_out(real, first, rows, joint):
+    t, q = real
+    stale = q.copy()
+    stale[first : first + rows, joint] = q[first, joint]  # up to 0.54 rad, and more than a joint can jump
+    log = log_with(t, stale)
+    assert log.quality.frozen == (ROBOT.joint[joint].name,)
+    np.testing.assert_array_equal(log.time, np.delete(t, np.arange(first + 1, first + rows)))
+    assert "was not refreshed" in "; ".join(log.quality.sentences())
+
+
+def in_turn(q):
+    """Each joint's angle is new in every sixth row."""
+    rows = np.arange(len(q))
+    return np.column_stack([q[np.maximum((rows - joint) // 6 * 6 + joint, 0), joint] for joint in range(6)])
+
+
+def on_change(q):
+    """A joint's angle is new once it has changed by 0.5 degrees."""
+    held = q.copy()
+    for joint, row in itertools.product(range(6), range(1, len(q))):
+        if abs(q[row, joint] - held[row - 1, joint]) < np.radians(0.5):
+            held[row, joint] = held[row - 1, joint]
+    return held
+
+
+def test_joints_that_are_refreshed_in_turn_or_written_coarsely_are_not_frozen(real):
+    t, q = real
+    for angles in (q, np.round(q, 2), in_turn(q)):
+        assert not frozen(t, angles, steps_of(angles), ROBOT.acceleration).any()
+
+
+@pytest.mark.parametrize(("recorded", "share", "step"), [(in_turn, 0.05, 0.0015), (on_change, 0.9, 0.0090)])
+def test_angles_that_are_refreshed_joint_by_joint_are_put_on_lines_between_new_ones(real, recorded, share, step):
+    t, q = real
+    t, q = t[:1500], q[:1500]
+    log = log_with(t, recorded(q))
+    assert len(log.quality.by_itself) > 3
+    assert "record all joints in every row" in "; ".join(log.quality.sentences())
+    lines, known = between_refreshes(t, recorded(q), np.full(6, 1e-4), ROBOT.speed)
+    assert np.sqrt(np.mean((lines - q) ** 2)) < share * np.sqrt(np.mean((recorded(q) - q) ** 2))
+    assert (known > 1e-4).sum() > 3 and (known < step).all()
+
+
+def test_angles_of_few_digits_or_with_rests_are_new_in_every_row(real):
+    t, q = real
+    t, q = t[:1500], q[:1500]
+    even = t[0] + 0.04 * np.arange(400)
+    q25 = np.column_stack([np.interp(even, t, angle) for angle in q.T])
+    for time, angles in (
+        (t, q),
+        (t, np.round(q, 2)),
+        (t, np.round(q, 4)),
+        (even, q25),
+        (even, np.round(q25, 3)),
+        (even, q25 // 0.0035 * 0.0035),
+    ):
+        np.testing.assert_array_equal(between_refreshes(time, angles, steps_of(angles), ROBOT.speed)[0], angles)
+
+
+@pytest.mark.parametrize(("rate_Hz", "noise", "step", "speed"), [
+    (500, 1e-4, 1e-4, 0.0), (125, 1e-4, 1e-4, 0.0), (500, 1e-4, 2 * np.pi / 8192, 0.0), (100, 2e-4, 1e-3, 0.0),
+    (500, 1e-4, 1e-4, 0.5), (25, 1e-5, 1e-5, 0.5),
+])  # fmt: skip
+def test_the_noise_of_encoders_is_no_fault_of_the_rows(rate_Hz, noise, step, speed):
+    rng, t = np.random.default_rng(2), np.arange(0, 15, 1 / rate_Hz)
+    away = np.where(np.arange(6) < 3, 1.0, 0.3) * speed
+    q = np.round((0.3 + away * np.sin(t)[:, None] + noise * rng.normal(size=(len(t), 6))) / step) * step
+    quality = log_with(1000 + t, q).quality
+    assert quality.bad <= 2 and quality.frozen_rows == 0  # noise may repeat a pose by chance
+    assert not quality.by_itself and quality.rebuilt is None and quality.fault is None

@@ -53,23 +53,24 @@ class Beside:
         """Of a selection, on the subject's held-out segments."""
         columns, regression = selection.design.columns, selection.regression
         memory = columns.scenes[columns.scenes.in_question.index(True)].memory
-        scenes = [segment_scene(subject.carrier, segment) for segment in subject.held_out]
-        for scene in scenes:
-            scene.memory.update(memory)
-        rows = [columns.named(scene) for scene in scenes]
-        width = rows[0].shape[1]
         owners = {(each.id, each.place.where): each.key for each in selection.effects}
+        width = 1 + max(int(each.indices.max()) for each in columns.candidates if each.id)
         free = np.array([
             number for number, each in enumerate(regression.columns)
             if not each.block_intercept and each.owner not in owners.values() and each.index < width
             and (each.gate * columns.in_question).any()
         ], dtype=int)  # fmt: skip
-        chosen = regression.indices[free]
-        effects = {
-            (each.id, each.place.where): tuple(_columns(each, scene) for scene in scenes)
-            for each in selection.effects if library()[each.id].predictable
-        }  # fmt: skip
-        return cls(regression, 1 - columns.in_question, owners, free, tuple(each[:, chosen] for each in rows), effects)
+        predictable = [each for each in selection.effects if library()[each.id].predictable]
+        effects: dict[tuple[str, str], list[Floats]] = {(each.id, each.place.where): [] for each in predictable}
+        rows: list[Floats] = []
+        for segment in subject.held_out:  # one scene after the other: together they take more than their columns
+            scene = segment_scene(subject.carrier, segment)
+            scene.memory.update(memory)
+            rows.append(columns.named(scene)[:, regression.indices[free]])
+            for each in predictable:
+                effects[each.id, each.place.where].append(_columns(each, scene))
+        known = {place: tuple(of_place) for place, of_place in effects.items()}
+        return cls(regression, 1 - columns.in_question, owners, free, tuple(rows), known)
 
     def given(self, effects: Collection[tuple[str, str]]) -> tuple[list[Floats], list[Floats], Floats]:
         """Beside some effects (id and place).

@@ -1,4 +1,4 @@
-"""Which rows of a motion can be trusted: repeated poses, poses older or newer than their stamps, wrapped angles.
+"""Which rows of a motion can be trusted: repeated poses, and poses older or newer than their stamps.
 
 Velocities and accelerations are differences of neighbours. A pose that is one row old changes both by their own size,
 so that a few per cent of such rows shift the lag and spoil the model. A recorder leaves traces by which they are known:
@@ -7,7 +7,6 @@ so that a few per cent of such rows shift the lag and spoil the model. A recorde
   seems to stop for some rows and to catch up in one. An arm that really rests leaves and arrives slowly.
 - A pose that was old (or new) when it was stamped lies on the path, but not where its neighbours expect it. The
   distance along the path, divided by the speed, is the pose's age.
-- A counter that wraps at half a turn, or is reset, jumps by whole turns where the arm cannot move that far.
 """
 
 from __future__ import annotations
@@ -19,18 +18,16 @@ from numpy.typing import NDArray
 
 from acqd.arrays import Floats
 from acqd.numerics import mad_sigma, runs_of_true
-from acqd.robot.resolution import Smoothing
-from acqd.robot.row_clock import ClockFault, LateStamps
-from acqd.rounded_times import Rebuilt
+from acqd.robot.motion_quality import MotionQuality
 
 Flags = NDArray[np.bool_]
 
-_MOVING = 0.005
+MOVING = 0.005
 """Share of the speed limits from which on an arm moves: slower rows tell nothing, and do no harm."""
 _CAUGHT_UP = 0.5
 """Speed across equal poses, over the speed around them, from which on the arm has moved meanwhile. An arm that starts
 or stops there, within one row, reaches a third."""
-_RESOLUTIONS = 2.5
+RESOLUTIONS = 2.5
 """Steps of the encoder: a slow joint crosses one now and then, and the rows between are equal by right."""
 _OLD = 0.3
 """Of the time between rows: an age that is a fault, not a jitter."""
@@ -38,7 +35,7 @@ _OLD_COARSE, _COARSE_S = 0.8, 0.02
 """The same for rows so far apart that a cubic through their neighbours misses a hard start."""
 _LEAST_AGE_S = 0.002
 """Younger faults, of logs at 1 kHz, are below what rows of 40 ms show."""
-_CLEARLY = 6.0
+CLEARLY = 6.0
 """Standard deviations of the poses' distances from the path."""
 _ALONG = 0.5
 """Distance across the path, over that along the path, at which a pose is off the path and not late on it."""
@@ -54,114 +51,6 @@ dwells for some rows flickers there between the steps of its encoder."""
 _PASSES = 12
 _NEIGHBOURS = (-2, -1, 1, 2)
 _LEAST_ROWS = 8
-_NOTEWORTHY = 0.002
-"""Share of the rows in motion from which on a user hears of rows that were left out."""
-_HELD_SHARE = 0.3
-"""Share of equal poses from which on the recorder is faster than the controller."""
-
-
-@dataclass(frozen=True, slots=True)
-class MotionQuality:
-    """What was found in the rows of one log; counts are of rows while the arm moves."""
-
-    rows: int = 0
-    moving: int = 0
-    """Rows while the arm moves, in which a fault can be seen."""
-    repeated: int = 0
-    """Rows that repeat the pose of the row before."""
-    old: int = 0
-    """Rows whose pose is older than their stamp."""
-    early: int = 0
-    """Rows whose pose is newer than their stamp."""
-    age_s: float = 0.0
-    """Median age of the old poses."""
-    row_s: float = 0.0
-    """Usual time between rows with different poses."""
-    unwrapped: tuple[str, ...] = ()
-    """Joints whose angle jumped by whole turns."""
-    unmeasured: tuple[str, ...] = ()
-    """Quantities that do not change while the arm moves: "the torque of every joint"."""
-    unusable: tuple[str, ...] = ()
-    """Quantities that contradict the angles or their unit, each with the reason."""
-    rebuilt: Rebuilt | LateStamps | None = None
-    """How the times of rows that share a stamp, or were stamped late, were put right."""
-    fault: ClockFault | None = None
-    """Why the times are not quite those of the poses."""
-    smoothing: Smoothing | None = None
-    """How finely positions and times are written, where the positions had to be smoothed."""
-
-    @property
-    def bad(self) -> int:
-        """Rows that were left out."""
-        return self.repeated + self.old + self.early
-
-    @property
-    def bad_share(self) -> float:
-        """Of the rows while the arm moves."""
-        return self.bad / max(self.moving, 1)
-
-    @property
-    def age_error_s(self) -> float:
-        """By how much the poses that were kept may be older than their stamps, all alike.
-
-        A recorder that is faster than the controller stamps a new pose up to one of its rows late; stamps with few
-        digits may be cut off or rounded.
-        """
-        stamp_s = self.rebuilt.error_s if self.rebuilt else self.smoothing.age_error_s if self.smoothing else 0.0
-        share = self.repeated / max(self.moving, 1)
-        stamp_s += self.fault.missing_s / 2 if self.fault else 0.0
-        return stamp_s + (self.row_s * (1 - share) if share > _HELD_SHARE else 0.0)
-
-    def as_json(self) -> dict[str, object]:
-        """For manifests and reports."""
-        return {
-            "rows": self.rows,
-            "moving_rows": self.moving,
-            "repeated": self.repeated,
-            "old": self.old,
-            "early": self.early,
-            "age_ms": round(1000 * self.age_s, 2),
-            "unwrapped": list(self.unwrapped),
-            "unmeasured": list(self.unmeasured),
-            "unusable": list(self.unusable),
-            "shared_stamps": self.rebuilt.shared if self.rebuilt else 0,
-            "late_stamps_ms": round(1000 * self.rebuilt.most_s, 1) if isinstance(self.rebuilt, LateStamps) else 0.0,
-            "missing_rows_ms": round(1000 * self.fault.missing_s, 1) if self.fault else 0.0,
-            "smoothed_over_ms": round(1000 * self.smoothing.longest_s) if self.smoothing else 0,
-        }
-
-    def sentences(self) -> list[str]:
-        """What a user should know; empty for a clean log."""
-        found = [*([self.rebuilt.sentence()] if self.rebuilt else []), *([self.fault.text] if self.fault else [])]
-        found += self.left_out()
-        if self.smoothing:
-            found.append(self.smoothing.sentence())
-        if self.unwrapped:
-            found.append(f"unwrapped where they jump by whole turns: {', '.join(self.unwrapped)}")
-        found += [f"{each} never changes while the arm moves, and counts as not measured" for each in self.unmeasured]
-        found += [f"{each}: left out" for each in self.unusable]
-        return found
-
-    def left_out(self) -> list[str]:
-        """Which rows were left out; empty if hardly any."""
-        found: list[str] = []
-        if self.bad_share < _NOTEWORTHY:
-            return found
-        if self.repeated:
-            text = f"{self._rows(self.repeated)} the pose of the row before repeated"
-            if self.repeated > _HELD_SHARE * self.moving:
-                text += f": the controller's poses come every {1000 * self.row_s:.0f} ms, record them at that rate"
-            found.append(text)
-        if self.old:
-            found.append(f"{self._rows(self.old)} a pose about {1000 * self.age_s:.0f} ms older than their time stamp")
-        if self.early:
-            found.append(f"{self._rows(self.early)} a pose newer than their time stamp")
-        if found:
-            found[-1] += "; these rows are left out"
-        return found
-
-    def _rows(self, count: int) -> str:
-        return f"{count} of {self.moving} rows in motion ({count / max(self.moving, 1):.1%}) hold"
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,33 +69,10 @@ class Doubts:
         """[T] rows to leave out."""
         return self.repeated | self.old | self.early
 
-    def quality(
-        self,
-        *,
-        unwrapped: tuple[str, ...] = (),
-        unmeasured: tuple[str, ...] = (),
-        unusable: tuple[str, ...] = (),
-        rebuilt: Rebuilt | LateStamps | None = None,
-        fault: ClockFault | None = None,
-        smoothing: Smoothing | None = None,
-    ) -> MotionQuality:
+    def quality(self) -> MotionQuality:
         """Counts of the rows."""
         repeated, old, early = (int(flags.sum()) for flags in (self.repeated, self.old, self.early))
-        return MotionQuality(
-            len(self.old),
-            self.moving,
-            repeated,
-            old,
-            early,
-            self.age_s,
-            self.row_s,
-            unwrapped,
-            unmeasured,
-            unusable,
-            rebuilt,
-            fault,
-            smoothing,
-        )
+        return MotionQuality(len(self.old), self.moving, repeated, old, early, self.age_s, self.row_s)
 
 
 def doubtful_rows(time: Floats, q: Floats, speed: Floats, q_step: Floats | None = None) -> Doubts:
@@ -221,7 +87,7 @@ def doubtful_rows(time: Floats, q: Floats, speed: Floats, q_step: Floats | None 
     old, since_s = _sent_again(time, x, step)
     old &= ~repeated
     kept = np.flatnonzero(~repeated & ~old)
-    moves = _speeds(time, x) > _MOVING
+    moves = _speeds(time, x) > MOVING
     row_s = _usual_step(time[kept], moves[kept])
     written = float(np.linalg.norm(step))
     ages: list[Floats] = [since_s[old]] if old.any() else []
@@ -272,7 +138,7 @@ def _repeated(time: Floats, x: Floats, step: Floats) -> Flags:
     steps = np.abs(moved)
     resolution = np.where(steps > 0, steps, np.inf).min(axis=0)
     finite = np.maximum(np.where(np.isfinite(resolution), resolution, 0.0), step)
-    caught_up = (across > _MOVING) & (across >= _CAUGHT_UP * around) & (steps > _RESOLUTIONS * finite).any(axis=1)
+    caught_up = (across > MOVING) & (across >= _CAUGHT_UP * around) & (steps > RESOLUTIONS * finite).any(axis=1)
     held = np.flatnonzero(caught_up & (np.diff(first) > 1))
     for start, end in zip(first[held] + 1, first[held + 1], strict=True):
         repeated[start:end] = True
@@ -301,11 +167,11 @@ def _sent_again(time: Floats, x: Floats, step: Floats) -> tuple[Flags, Floats]:
     start, end = np.maximum(before - _AROUND, 0), np.minimum(rows + _AROUND, len(x) - 1)
     arrives, leaves = x[before] - x[start], x[end] - x[rows]
     fast = [
-        np.linalg.norm(way, axis=1) > np.maximum(_MOVING * span, _RESOLUTIONS * float(np.linalg.norm(step)))
+        np.linalg.norm(way, axis=1) > np.maximum(MOVING * span, RESOLUTIONS * float(np.linalg.norm(step)))
         for way, span in ((arrives, time[before] - time[start]), (leaves, time[end] - time[rows]))
     ]
     way = np.linalg.norm(arrives, axis=1) / np.maximum(before - start, 1)
-    least = np.maximum(_AWAY * way, _RESOLUTIONS * float(np.linalg.norm(step)))
+    least = np.maximum(_AWAY * way, RESOLUTIONS * float(np.linalg.norm(step)))
     away = np.array([np.linalg.norm(x[a:b] - x[a], axis=1).max() for a, b in zip(before, rows, strict=True)])
     found = rows[fast[0] & fast[1] & ((arrives * leaves).sum(axis=1) > 0) & (away > least)]
     again[found] = True
@@ -349,15 +215,15 @@ def _not_at_their_time(time: Floats, x: Floats, row_s: float, written: float, *,
     off = x[middle] - expected
     along = (off * direction).sum(axis=1)
     across = np.linalg.norm(off - along[:, None] * direction, axis=1)
-    judged = (speed > _MOVING) & (stamps[3] - stamps[0] < _FAR_ROWS * row_s)
+    judged = (speed > MOVING) & (stamps[3] - stamps[0] < _FAR_ROWS * row_s)
     if not judged.any():
         return wrong, ages
-    age = -along / np.maximum(speed, _MOVING)
+    age = -along / np.maximum(speed, MOVING)
     noise = mad_sigma(along[judged], 0.0)
     old = _OLD if row_s < _COARSE_S else _OLD_COARSE
-    jitter = _CLEARLY * mad_sigma(age[judged], 0.0)
+    jitter = CLEARLY * mad_sigma(age[judged], 0.0)
     noise = max(noise, written / np.sqrt(12))
-    limit = np.maximum(max(old * row_s, _LEAST_AGE_S, jitter), _CLEARLY * noise / np.maximum(speed, _MOVING))
+    limit = np.maximum(max(old * row_s, _LEAST_AGE_S, jitter), CLEARLY * noise / np.maximum(speed, MOVING))
     late = -age if newer else age
     bad = judged & (late > limit) & (np.abs(along) > old * row_s * fast) & (across < _ALONG * np.abs(along))
     height = np.where(bad, late, 0.0)
@@ -365,26 +231,6 @@ def _not_at_their_time(time: Floats, x: Floats, row_s: float, written: float, *,
     worst = np.max([padded[k : k + len(height)] for k in range(5)], axis=0)
     wrong[middle], ages[middle] = bad & (height == worst), age
     return wrong, ages
-
-
-def unwrapped(q: Floats, reach: Floats, turning: Flags) -> Floats:
-    """Angles [T, axes] rad without jumps by whole turns.
-
-    `reach` [T - 1, axes] rad: how far a joint can move between two rows; `turning` [axes]: revolute joints.
-    A jump counts as turns only where what remains of it, and the two steps before and after, are possible motions:
-    garbled angles jump as well.
-    """
-    jumps = np.diff(q, axis=0)
-    turns = np.where(np.isfinite(jumps), np.rint(jumps / (2 * np.pi)), 0.0)
-    rest = np.abs(jumps - 2 * np.pi * turns)
-    possible = (rest <= reach) & (reach < np.pi)
-    around = np.pad(possible, ((2, 2), (0, 0)), constant_values=True)
-    calm = np.all([around[k : k + len(jumps)] for k in range(5)], axis=0)
-    wraps = (turns != 0) & (np.abs(jumps) > reach) & calm & turning
-    if not wraps.any():
-        return q
-    counted = np.concatenate([np.zeros((1, q.shape[1])), np.cumsum(np.where(wraps, turns, 0.0), axis=0)])
-    return np.asarray(q - 2 * np.pi * counted)
 
 
 def bridged(time: Floats, values: Floats, doubts: Flags, longest_s: float) -> tuple[Floats, Flags]:
