@@ -10,8 +10,8 @@ from pydantic import AfterValidator, Field
 from acqd.errors import SettingError
 from acqd.metering import StreamFormat
 from acqd.metering.correction import ChannelErrors, Correction, Reordered
-from acqd.metering.phasors import WiringFinding
 from acqd.metering.quality.response import Response, Responses
+from acqd.metering.wiring_finding import WiringFinding
 from acqd.section import Section
 
 

@@ -18,7 +18,8 @@ from acqd.daemon.device_section import WaveformKeys
 from acqd.daemon.health.capture import captured
 from acqd.errors import UserError
 from acqd.metering.meter import INTERRUPTION
-from acqd.metering.phasors import Phasors, examine, phasors
+from acqd.metering.phasors import Phasors, phasors
+from acqd.metering.wiring_check import examine
 from acqd.metering.wiring_watch import Wired
 from acqd.sources.load import load_waveform
 from acqd.telemetry.mqtt import BrokerAddress

@@ -11,7 +11,9 @@ import numpy as np
 from acqd.metering.block import SampleBlock, StreamFormat
 from acqd.metering.energy import no_load_W
 from acqd.metering.meter import INTERRUPTION
-from acqd.metering.phasors import Phasors, WiringFinding, examine, phasors
+from acqd.metering.phasors import Phasors, phasors
+from acqd.metering.wiring_check import examine
+from acqd.metering.wiring_finding import WiringFinding
 
 _EVERY_S = 1.0
 _LOOKS = 60

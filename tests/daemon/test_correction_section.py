@@ -8,7 +8,7 @@ from pydantic import ValidationError
 from acqd.daemon.correction_section import CorrectionSection
 from acqd.errors import SettingError
 from acqd.metering import StreamFormat
-from acqd.metering.phasors import WiringFinding
+from acqd.metering.wiring_finding import WiringFinding
 
 FORM = StreamFormat(20_000.0, (0.0225, 0.000281) * 3)
 POINTS = [[50.0, 1.0, 0.0], [2_500.0, 0.9, -12.0]]

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from acqd.daemon.correction_section import CorrectionSection
-from acqd.metering.phasors import Phasors, examine, phasors
+from acqd.metering.phasors import Phasors, phasors
+from acqd.metering.wiring_check import examine
 from acqd.sources import load_waveform
 from acqd.sources.recording.wired import wired
 

@@ -45,7 +45,7 @@ _SECTIONS: dict[str, list[Callable[[], Iterator[Figure]]]] = {
     "accuracy": [accuracy.synthetic, accuracy.exactness, jumps.jumps, accuracy.recordings],
     "quality": [quality.quality, quality.beside],
     "cost": [quality.cost],
-    "events": [events.dips, events.steady, events.cost],
+    "events": [events.disturbances, events.steady, events.cost],
     "flicker": [flicker.pinst, flicker.pst],
     "speed": [speed.pqopen, speed.kernel, speed.replay, speed.main_slow],
     "live": [live.daemon, live.from_file, live.jitter],

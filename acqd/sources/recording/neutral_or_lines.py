@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from acqd.arrays import Floats
 from acqd.metering.block import Codes
-from acqd.metering.phasors import LEADING_deg
+from acqd.metering.wiring_check import LEADING_deg
 
 _CYCLES = 10
 """Of one look: the window of IEC 61000-4-30."""

@@ -9,7 +9,9 @@ from __future__ import annotations
 import numpy as np
 
 from acqd.metering.energy import no_load_W
-from acqd.metering.phasors import Phasors, WiringFinding, examine, phasors
+from acqd.metering.phasors import Phasors, phasors
+from acqd.metering.wiring_check import examine
+from acqd.metering.wiring_finding import WiringFinding
 from acqd.metering.wiring_watch import LOAD, Wired
 from acqd.sources.waveform import Waveform
 

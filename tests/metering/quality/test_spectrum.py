@@ -76,6 +76,28 @@ def test_an_independent_dft_gives_the_same_lines():
     assert np.abs(found[0, 1:511] - (reference[:511] * turn)[1:]).max() < 1e-4 * np.abs(reference[1:]).max()
 
 
+def subgroups_of_mhkit(x, rate, nominal):
+    """Another program's subgroups up to order 50: amplitudes of the lines of 5 Hz of an FFT, three squares added.
+
+    `harmonics` and `harmonic_subgroups` in mhkit/power/quality.py of MHKiT-Python (BSD-3-Clause), with numpy alone.
+    """
+    amplitude = np.abs(np.fft.fft(x))[: len(x) // 2] / len(x) * 2
+    centre = np.arange(1, 51) * round(nominal / (rate / len(x)))
+    return np.sqrt(amplitude[centre - 1] ** 2 + amplitude[centre] ** 2 + amplitude[centre + 1] ** 2)
+
+
+@pytest.mark.parametrize(("nominal", "cycles"), [(50, 10), (60, 12)])
+def test_subgroups_are_those_of_mhkit(nominal, cycles):
+    rate, random = 20_000.0, np.random.default_rng(3)
+    t = (np.arange(6_000) + 0.5) / rate
+    x = U1 * np.sqrt(2) * np.cos(2 * np.pi * nominal * t)
+    for f in (*(nominal * np.arange(2, 51)), 3 * nominal + 5, 7 * nominal - 5, 182.0):  # 182 Hz leaks
+        x += random.uniform(0.1, 8) * np.cos(2 * np.pi * f * t + random.uniform(0, 6))
+    found = spectrum(x[None], 1_000.0, 4_000.0, cycles)
+    theirs = subgroups_of_mhkit(x[1_000:5_000], rate, nominal) / np.sqrt(2)  # of amplitudes
+    assert np.abs(harmonic_subgroups(line_squares(found, cycles))[0] - theirs).max() < 1e-4 * U1
+
+
 def test_thds_is_the_root_of_the_squares_over_the_first():
     subgroups = np.zeros((1, 50))
     subgroups[0, [0, 2, 4]] = 230.0, 6.9, 9.2

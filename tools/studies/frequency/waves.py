@@ -17,7 +17,7 @@ VOLTS, AMPERES, LAG = 230.0, 3.0, 0.5
 
 @dataclass(frozen=True, slots=True)
 class Wave:
-    """Mains of one or three phases, constant in magnitude."""
+    """Mains of one or three phases."""
 
     name: str
     turns: Callable[[Floats], Floats]
@@ -33,6 +33,10 @@ class Wave:
     seed: int = 0
     smooth: Callable[[Floats], Floats] | None = None
     """The cycles without a jump of the phase: f is their rate."""
+    level: Callable[[Floats], Floats] | None = None
+    """Magnitude of the voltage, of t [s]; 1 where that is not given."""
+    begins: float = 0.0
+    """s at which the interharmonic sets in."""
 
     @property
     def form(self) -> StreamFormat:
@@ -53,7 +57,8 @@ class Wave:
         for phase in range(self.phases):
             angle = 2 * np.pi * (turns - phase / 3)
             u = np.cos(angle) + sum(level * np.cos(h * angle + h) for h, level in self.harmonics.items())
-            u += share * np.cos(2 * np.pi * (f * t - phase / 3))
+            u += share * np.cos(2 * np.pi * (f * t - phase / 3)) * (t >= self.begins)
+            u *= 1.0 if self.level is None else self.level(np.asarray(t))
             u += self.noise / np.sqrt(2) * random.standard_normal(len(t))
             columns += [u * VOLTS * np.sqrt(2) / SCALE[0], np.cos(angle - LAG) * AMPERES * np.sqrt(2) / SCALE[1]]
         return np.rint(np.array(columns).T).astype(np.int16)
@@ -112,25 +117,51 @@ def cases() -> list[Wave]:
     return waves
 
 
+_KINDS = ("jump", "ramp", "swing", "step", "interharmonic", "onset", "level", "flicker", "load", "wander")
+
+
 def random_disturbance(number: int) -> Wave:
-    """A jump, ramp, swing or step of f, or an interharmonic from the start on; 50 or 60 Hz, one or three phases."""
+    """Mains of 50 or 60 Hz, one or three phases, noise from 0.01 to 0.3 %, harmonics up to 1.2 times EN 50160.
+
+    From 0.6 to 0.8 s on: a jump of the phase, a ramp, a swing or a step of f, an interharmonic (also one that is there
+    from the start on), a step of the voltage or one with a jump, flicker; or f that wanders all the time.
+    """
     random = np.random.default_rng(1000 + number)
     nominal, at = (60.0 if number % 2 else 50.0), float(random.uniform(0.6, 0.8))
-    f = nominal + float(random.uniform(-0.4, 0.4))
-    kind = ("jump", "ramp", "swing", "step", "interharmonic")[number % 5]
+    f, angle = nominal + float(random.uniform(-0.4, 0.4)), float(random.uniform())
+    kind = _KINDS[number // 4 % len(_KINDS)]
     size = float(random.uniform(0.2, 1.0) * random.choice((-1, 1)))
-    beat = float(np.exp(random.uniform(np.log(0.5), np.log(8))))
+    beat = float(np.exp(random.uniform(np.log(0.5), np.log(10))))
+    wander = wandering(0.001 * abs(size), number, 1.6)
 
     def turns(t: Floats) -> Floats:
         late = np.maximum(t - at, 0)
-        if kind == "jump":
-            return np.asarray(f * t + size / 6 * (t >= at))
-        if kind == "ramp":
-            return np.asarray(f * t + 2 * size * late * late / 2)
-        if kind == "swing":
-            return np.asarray(f * t + 0.1 * size / (2 * np.pi * beat) * (1 - np.cos(2 * np.pi * beat * late)))
-        return np.asarray(f * t + (0.3 * size * late if kind == "step" else 0))
+        moved = {
+            "jump": size / 6 * (t >= at),
+            "load": size / 90 * (t >= at),
+            "ramp": size * late * late,
+            "swing": 0.1 * size / (2 * np.pi * beat) * (1 - np.cos(2 * np.pi * beat * late)),
+            "step": 0.3 * size * late,
+            "wander": wander(t) - 50 * t,
+        }
+        return np.asarray(angle + f * t + moved.get(kind, 0.0))
 
-    between = (abs(size) * 0.02 if kind == "interharmonic" else 0.0, nominal + float(random.uniform(-8, 30)))
-    smooth = jump(0.0, 0.0, f) if kind == "jump" else None
-    return Wave(kind, turns, 1.6, 3 if number % 4 < 2 else 1, nominal, between=between, seed=number, smooth=smooth)
+    def level(t: Floats) -> Floats:
+        later = t >= at
+        changes = {
+            "level": 0.08 * size * later,
+            "load": 0.03 * size * later,
+            "flicker": 0.02 * size * later * np.sin(2 * np.pi * 2 * beat * (t - at)),
+        }
+        return np.asarray(1 + changes.get(kind, 0.0))
+
+    beside = kind in {"interharmonic", "onset"}
+    between = (abs(size) * 0.02 if beside else 0.0, nominal + float(random.uniform(-8, 30)))
+    noise = float(np.exp(random.uniform(np.log(0.0001), np.log(0.003))))
+    scale = float(random.uniform(0.0, 1.2))
+    return Wave(
+        kind, turns, 1.6, 3 if number % 4 < 2 else 1, nominal, noise,
+        {h: scale * share for h, share in EN50160.items()}, between, seed=number,
+        smooth=jump(0.0, 0.0, f) if kind in {"jump", "load"} else None,
+        level=level, begins=at if kind == "onset" else 0.0,
+    )  # fmt: skip

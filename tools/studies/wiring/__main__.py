@@ -20,7 +20,8 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from acqd.metering.phasors import Phasors, examine, phasors
+from acqd.metering.phasors import Phasors, phasors
+from acqd.metering.wiring_check import examine
 
 RATE, F = 6_400.0, 50.0
 POWER_FACTORS = (0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 1.0)
