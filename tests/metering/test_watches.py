@@ -10,9 +10,9 @@ import pytest
 
 from acqd.daemon.correction_section import CorrectionSection
 from acqd.metering import SampleBlock, StreamFormat
-from acqd.metering.phasors import WiringFinding
 from acqd.metering.signal_watch import SignalWatch
 from acqd.metering.stages import Stages
+from acqd.metering.wiring_finding import WiringFinding
 from acqd.metering.wiring_watch import WiringWatch
 from acqd.sources import load_waveform
 from tests.mains import make_mains
