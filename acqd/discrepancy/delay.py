@@ -84,13 +84,18 @@ def find_delay(scenes: Iterable[Scene], segments: list[Segment]) -> Delay | None
     return None
 
 
-def beyond_reference(delay: Delay, scenes: Iterable[Scene], segments: list[Segment]) -> Delay:
-    """The delay less the median delay of unchanged recordings: a model's lag is right to some milliseconds only."""
+def beyond_reference(delay: Delay, scenes: Iterable[Scene], segments: list[Segment]) -> Delay | None:
+    """The delay less the median delay of unchanged recordings: a model's lag is right to some milliseconds only.
+
+    None where too little of a constant delay remains.
+    """
     measured = [_best(scene, segment.P) for scene, segment in zip(scenes, segments, strict=True)]
     delays = np.array([each for each, _, moving in measured if moving > THRESHOLDS.delay_least_moving_W])
     if len(delays) < THRESHOLDS.few_recordings:
         return delay
     usual = float(np.median(delays))
+    if not delay.drifts and abs(delay.offset_s - usual) <= THRESHOLDS.delay_smallest_s:
+        return None
     error = float(np.hypot(delay.offset_error_s, mad_sigma(delays, usual) / np.sqrt(len(delays))))
     single = [(t, each - usual) for t, each in delay.single]
     return replace(delay, offset_s=delay.offset_s - usual, offset_error_s=error, single=single)

@@ -45,7 +45,10 @@ def close_loop(config: CloseConfig, progress: Progress) -> Closed:
         selection = replace(selection, unknown=doubts[0])
     progress("predicting held-out recordings", 0.0)
     predictive = Predictive.of(selection, subject)
-    improved = improve(subject, effects, errors_before, predictive, config.seed)
+    improved = improve(
+        subject, effects, errors_before, predictive, config.seed,
+        grown=usual.exceeded_by(subject.held_out, errors_before),
+    )  # fmt: skip
     trial = tried(subject, selection, improved, predictive, config.seed)
     verdict, remarks = settled(subject, selection, improved, errors_before, usual, trial)
     if selection.unknown is not None and verdict in ("unknown_structure", "effects_found"):

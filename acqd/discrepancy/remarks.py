@@ -6,7 +6,6 @@ from acqd.discrepancy.recordings import Subject
 from acqd.discrepancy.repair.guard import Improved
 from acqd.discrepancy.search import clock_effects
 from acqd.discrepancy.selection.accepted import Selection
-from acqd.discrepancy.selection.agreement import disagreeing_sessions
 from acqd.discrepancy.selection.session_columns import LEVEL
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.models.effects import library
@@ -38,8 +37,8 @@ def disagreements(selection: Selection, improved: Improved) -> list[str]:
     named = {(each.term.id, each.term.where) for each in improved.named}
     notes = []
     for selected in selection.effects:
-        logs = disagreeing_sessions(selection, selected) if (selected.id, selected.place.where) in named else []
-        if logs:
+        logs = selected.disagreeing
+        if logs and (selected.id, selected.place.where) in named:
             notes.append(
                 f"{selected.id} ({selected.place.where}) is not the same in all logs: {', '.join(logs)} would be "
                 f"explained clearly better by other parameters; close the loop on single sessions"

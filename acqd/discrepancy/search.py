@@ -60,6 +60,8 @@ def _without_delay(subject: Subject) -> tuple[Delay | None, Subject]:
     if delay is None:
         return None, subject
     delay = beyond_reference(delay, _scenes(subject, subject.reference), subject.reference)
+    if delay is None:
+        return None, subject
     return delay, replace(subject, fit=[corrected(s, delay, subject.data.step_s) for s in subject.fit])
 
 

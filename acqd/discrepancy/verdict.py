@@ -23,9 +23,10 @@ def settled(
 ) -> tuple[Verdict, list[str]]:
     """The verdict, and notes about it.
 
-    An effect with a name is found. A structure is unknown if its law predicts recordings that took no part, or in an
-    error that has grown. Nothing is left where no hypothesis passed, the error has not grown, and the recordings are
-    long enough to prove an absence.
+    An effect with a name is found. A structure is unknown if its law predicts recordings that took no part, with a
+    smaller error in W, too, or in an error that has grown: what sessions differ by predicts pieces of the same session.
+    Nothing is left where no hypothesis passed, the error has not grown, and the recordings are long enough to prove an
+    absence.
     """
     if improved.named:
         return "effects_found", []
@@ -36,7 +37,7 @@ def settled(
         if only_beyond_reference(selection.rows, unknown.gate.open, unknown.finding, unknown.margin):
             beyond = "what follows an unnamed cause shows only in faster motion than the reference has"
             return "not_identifiable", [f"{beyond}: record a reference at these speeds"]
-        if grown or (trial is not None and trial.predicts):
+        if grown or (trial is not None and trial.predicts and trial.gain_W > 0):
             return "unknown_structure", []
         return "not_identifiable", [f"what follows an unnamed cause is in an error that has not grown ({sizes})"]
     if selection.withdrawn:

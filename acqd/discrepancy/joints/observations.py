@@ -145,14 +145,19 @@ class Observed:
         return cls(layout, rows, white, drawn, noise, mean, deviation, beta, _ratio(model, before, layout, beta))
 
     def with_base_columns(self, columns: dict[int, Floats]) -> Observed:
-        """With more base columns [T, axes, k] Nm per segment: free in the recordings in question, else 0."""
+        """With more base columns [T, axes, k] Nm per segment: free in every session in question, else 0.
+
+        A body may have been mounted another way round between two sessions.
+        """
         rows, white = [], []
+        names = sorted({each.session for each in self.rows if each.in_question})
         for each, (X, y) in zip(self.rows, self.white, strict=True):
-            more = each.of_runs(columns[each.segment][:, each.joint]) * each.in_question
+            own = each.of_runs(columns[each.segment][:, each.joint])
+            more = np.column_stack([own * (each.in_question and each.session == name) for name in names])
             white_more = each.white(self.noise[each.joint], more)
             rows.append(replace(each, base=np.column_stack([each.base, more]).astype(np.float32)))
             white.append((np.column_stack([X, white_more]).astype(np.float32), y))
-        count = next(iter(columns.values())).shape[2]
+        count = next(iter(columns.values())).shape[2] * len(names)
         wide = np.full(count, _ANY_SIZE)
         return replace(
             self, rows=rows, white=white, mean=np.append(self.mean, np.zeros(count)),

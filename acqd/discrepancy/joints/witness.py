@@ -85,7 +85,7 @@ class Witness:
         return parameters
 
     def given(self, effect_id: str, variant: Variant) -> Witness:
-        """The witness of what remains with an effect of any size in the recordings in question."""
+        """The witness of what remains with an effect of any size in each session in question."""
         effect = library()[effect_id]
         mix = np.eye(len(variant.place.columns)) if variant.place.mix is None else variant.place.mix
         columns = {

@@ -36,6 +36,8 @@ class Column:
     """Random intercept of a block: part of the noise, not of the prediction."""
     owner: str = ""
     """Key of the effect that the column belongs to; "" for the base model."""
+    varies: str = ""
+    """Key of the effect whose size the column varies from session to session; "" for none."""
 
 
 class Products(Protocol):
@@ -115,8 +117,8 @@ class Regression:
         return Regression(blocks, [*self.columns, *columns])
 
     def without(self, owner: str) -> Regression:
-        """The regression without the columns of an effect."""
-        return Regression(self.blocks, [column for column in self.columns if column.owner != owner])
+        """The regression without the columns of an effect, and without those that vary its size."""
+        return Regression(self.blocks, [each for each in self.columns if owner not in (each.owner, each.varies)])
 
     def compete(self, candidates: Indices, gate: Floats, weights: Floats | None = None) -> Competition:
         """Candidate columns under `gate` [blocks]; `weights` [blocks]: how often a block counts."""

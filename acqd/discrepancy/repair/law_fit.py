@@ -112,7 +112,7 @@ def _beside(selection: Selection, kept: set[tuple[str, str]]) -> Regression:
     for column, value in zip(selection.regression.columns, selection.regression.solve().tolist(), strict=True):
         if column.owner in fixed:
             columns.append(replace(column, mean=value, deviation=_FIXED * max(abs(value), _FIXED)))
-        elif column.owner not in others:
+        elif not {column.owner, column.varies} & others:
             columns.append(column)
     return Regression(selection.design.blocks, columns)
 

@@ -57,7 +57,7 @@ class Beside:
         width = 1 + max(int(each.indices.max()) for each in columns.candidates if each.id)
         free = np.array([
             number for number, each in enumerate(regression.columns)
-            if not each.block_intercept and each.owner not in owners.values() and each.index < width
+            if not each.block_intercept and not each.varies and each.owner not in owners.values() and each.index < width
             and (each.gate * columns.in_question).any()
         ], dtype=int)  # fmt: skip
         predictable = [each for each in selection.effects if library()[each.id].predictable]

@@ -117,6 +117,8 @@ class Selected:
     """Logged torques, given the effects before."""
     table: tuple[Hypothesis, ...]
     """In which the effect leads, the largest evidence first."""
+    disagreeing: tuple[str, ...] = ()
+    """Logs that ask for other parameters of the effect, the clearest first."""
 
     @property
     def id(self) -> str:

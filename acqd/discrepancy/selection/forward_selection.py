@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from acqd.discrepancy.regression.least_squares import Column
 from acqd.discrepancy.regression.setup import Setup
 from acqd.discrepancy.selection.accepted import Hypothesis, Selected, Selection, Unknown, unnamed
+from acqd.discrepancy.selection.agreement import disagreements
 from acqd.discrepancy.selection.judging import kinds_of, margin
 from acqd.discrepancy.selection.placing import placed, selected, without
 from acqd.discrepancy.selection.ranking import Rows, ranked
@@ -85,8 +86,12 @@ def _with_effects(state: State, effects: tuple[Selected, ...]) -> State:
     base = replace(state.base, design=state.rows.design, regression=state.base.regression.on(state.rows.design.blocks))
     design, common = with_loaded_laws(base.design, base.regression, effects)
     columns = [column for each in effects for column in each.columns()]
-    regression = common.with_columns(design.blocks, columns)
-    return replace(state, rows=replace(state.rows, design=design, regression=regression), effects=effects)
+    rows = replace(state.rows, design=design, regression=common.with_columns(design.blocks, columns))
+    found = [disagreements(rows, each) for each in effects]
+    effects = tuple(replace(each, disagreeing=logs) for each, (logs, _) in zip(effects, found, strict=True))
+    varied = [column for _, columns in found for column in columns]
+    regression = rows.regression.with_columns(design.blocks, varied) if varied else rows.regression
+    return replace(state, rows=replace(rows, regression=regression), effects=effects)
 
 
 def _explained_by_law(doubt: Doubt, limits: Limits) -> float:

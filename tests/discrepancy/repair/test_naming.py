@@ -89,7 +89,7 @@ def test_an_error_beyond_the_spread_of_the_reference_has_grown():
 
 
 @pytest.mark.parametrize(
-    ("named", "refused", "unknown", "predicts", "now_W", "fit_s", "beyond", "verdict"),
+    ("named", "refused", "unknown", "gains", "now_W", "fit_s", "beyond", "verdict"),
     [
         (True, False, False, None, 16.0, 600, False, "effects_found"),
         (True, False, True, None, 16.0, 600, False, "effects_found"),
@@ -97,18 +97,20 @@ def test_an_error_beyond_the_spread_of_the_reference_has_grown():
         (False, True, True, None, 16.0, 600, False, "unknown_structure"),
         (False, False, True, None, 16.0, 600, False, "unknown_structure"),
         (False, False, True, None, 6.0, 600, False, "not_identifiable"),
-        (False, False, True, 6.0, 6.0, 600, False, "not_identifiable"),
-        (False, False, True, 12.0, 6.0, 600, False, "unknown_structure"),
+        (False, False, True, (6.0, 0.1), 6.0, 600, False, "not_identifiable"),
+        (False, False, True, (12.0, 0.1), 6.0, 600, False, "unknown_structure"),
+        (False, False, True, (12.0, -0.1), 6.0, 600, False, "not_identifiable"),
+        (False, False, True, (12.0, -0.1), 16.0, 600, False, "unknown_structure"),
         (False, False, False, None, 16.0, 600, False, "not_identifiable"),
         (False, False, False, None, 6.0, 600, False, "nothing_left"),
         (False, False, False, None, 6.0, 60, False, "not_identifiable"),
-        (False, False, True, 12.0, 16.0, 600, True, "not_identifiable"),
+        (False, False, True, (12.0, 0.1), 16.0, 600, True, "not_identifiable"),
     ],
 )
 def test_the_verdict_follows_from_names_laws_and_the_growth_of_the_error(
-    named, refused, unknown, predicts, now_W, fit_s, beyond, verdict, monkeypatch
+    named, refused, unknown, gains, now_W, fit_s, beyond, verdict, monkeypatch
 ):
-    """`predicts`: what the law gains on held-out recordings; 7.8 by chance. `beyond`: in faster motion only."""
+    """`gains` of the law on held-out recordings: log density, 7.8 by chance; W. `beyond`: in faster motion only."""
     monkeypatch.setattr("acqd.discrepancy.verdict.only_beyond_reference", lambda *_: beyond)
     model = grey()
     usual = usual_of(recordings(model, 8, 6.0, 0)[1])
@@ -118,7 +120,7 @@ def test_the_verdict_follows_from_names_laws_and_the_growth_of_the_error(
     subject = SimpleNamespace(held_out=new, fit_s=fit_s)
     law = Unknown(None, SimpleNamespace(open=None), 15.0) if unknown else None
     selection = SimpleNamespace(rows=None, unknown=law, withdrawn="")
-    trial = None if predicts is None else Trial(model, None, errors, None, None, 0.0, predicts)
+    trial = None if gains is None else Trial(model, None, errors, None, None, gains[1], gains[0])
     assert settled(subject, selection, Improved(model, tuple(effects), errors), errors, usual, trial)[0] == verdict
 
 
