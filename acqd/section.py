@@ -37,3 +37,5 @@ class Section(BaseModel):
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False, strict=True)
     must_exist: ClassVar[tuple[str, ...]] = ()
     """Keys that name a file or folder, which has to be there before a service starts."""
+    in_working_folder: ClassVar[tuple[str, ...]] = ()
+    """Keys that name a file of a service: a relative name is one in the folder in which the service works."""

@@ -123,11 +123,7 @@ def history_command(
     from acqd.cli.terminal import terminal
     from acqd.integrations.alarms.history import history_file, read_history
 
-    settings = configured(config)
-    state = settings.table(AlarmsSection).state
-    if not state.is_absolute() and settings.state_dir is not None:  # of the installed service, which works there
-        state = settings.state_dir / state
-    found = read_history(history_file(state))[:most]
+    found = read_history(history_file(configured(config).table(AlarmsSection).state))[:most]
     if json:
         print(orjson.dumps(found).decode())
         return

@@ -7,6 +7,7 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from acqd.daemon.integration_sections import integration_tables
 from acqd.daemon.mqtt_section import USERS, BrokerUser, MqttSection, in_credentials
 
 if TYPE_CHECKING:
@@ -38,8 +39,8 @@ def found_config() -> tuple[Path | None, str]:
 def as_installed(config: Config, path: Path) -> None:
     """Give a configuration in ROOT/etc/acqd the folder and the password that the units have, where no unit does.
 
-    systemd passes both to services in the environment; a command typed by hand has neither. Files are named, not
-    opened: what root alone may read stays so.
+    systemd passes both to services in the environment, and starts them in the folder; a command typed by hand has
+    neither, and works elsewhere. Files are named, not opened: what root alone may read stays so.
     """
     folder = path.absolute().parent
     if folder.parts[-2:] != ("etc", "acqd"):
@@ -50,9 +51,8 @@ def as_installed(config: Config, path: Path) -> None:
     by_hand = "STATE_DIRECTORY" not in os.environ
     if by_hand and config.state_dir is None and _exists(state):
         config.state_dir = state
-    database = config.sink.database
-    if by_hand and "://" not in database and not Path(database).is_absolute():
-        config.sink.database = str(state / database)
+    if by_hand:
+        _find_files(config, state)
     if "CREDENTIALS_DIRECTORY" not in os.environ:
         shared = config.mqtt.password_file
         for user in config.mqtt.users.values():
@@ -61,6 +61,18 @@ def as_installed(config: Config, path: Path) -> None:
         logins: list[MqttSection | BrokerUser] = [config.mqtt, *config.mqtt.users.values()]
         for login in logins:
             _find_credentials(login, folder)
+
+
+def _find_files(config: Config, state: Path) -> None:
+    """Put the folder in which units work in front of relative names."""
+    database = config.sink.database
+    if "://" not in database:
+        config.sink.database = str(state / database)
+    for name in integration_tables():
+        table = getattr(config, name)
+        for key in table.in_working_folder:
+            if (file := getattr(table, key)) is not None:
+                setattr(table, key, state / file)
 
 
 def _find_credentials(login: MqttSection | BrokerUser, folder: Path) -> None:

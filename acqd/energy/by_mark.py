@@ -14,10 +14,9 @@ import numpy as np
 import sqlalchemy as sa
 
 from acqd.energy.marks import Marks
-from acqd.energy.read import channel_of
+from acqd.energy.read import NoRowsError, channel_of
 from acqd.energy.stretches import NWH_PER_KWH, nwh
 from acqd.energy.tariff import Tariff
-from acqd.errors import UserError
 from acqd.storage import buckets as stored
 from acqd.storage.row_series import Piece, row_series
 from acqd.timestamps import filetime
@@ -84,19 +83,19 @@ class _State:
 
 
 def by_mark(engine: sa.Engine, device: str, marks: Marks, begin: int, end: int, tariff: Tariff | None) -> ByMark:
-    """Unix times [s]. Raises UserError where there are no rows, or InputError where there is no price."""
+    """Unix times [s]. Raises NoRowsError, UserError for several channels, or InputError where there is no price."""
     step_s = 60 if tariff is not None and tariff.by_minute else 900
     with engine.connect() as connection:
         channel = channel_of(device, stored.channels(connection, device, begin, end))
         interval = stored.row_interval(connection, device, channel, begin, end)
         if interval is None:
-            raise UserError(f"device {device!r} has no rows in this period, only roll-ups at most; parts need rows")
+            raise NoRowsError(f"device {device!r} has no rows in this period, only roll-ups at most; parts need rows")
         state = _State()
         for piece in _joined(row_series(connection, device, channel, begin, end)):
             _add(state, piece, marks, interval, step_s, tariff)
         simulated = stored.has_flag(connection, device, channel, begin, end, "simulated")
     if state.first is None or state.last is None:
-        raise UserError(f"device {device!r} has no rows with a register in this period")
+        raise NoRowsError(f"device {device!r} has no rows with a register in this period")
     return ByMark(
         device, channel, _values(state, marks, begin, end, interval, tariff), state.between, state.jumps,
         state.last - state.first, state.count, simulated,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 from pathlib import Path
 
 from acqd.errors import InputError
@@ -16,7 +17,7 @@ def read_rows(path: Path) -> tuple[list[list[str]], str]:
         raise InputError(path, f"cannot be read ({getattr(error, 'strerror', None) or error})") from None
     delimiter = ";" if ";" in text.partition("\n")[0] else ","
     try:
-        rows = [row for row in csv.reader(text.splitlines(), delimiter=delimiter) if row]
+        rows = [row for row in csv.reader(io.StringIO(text), delimiter=delimiter) if row]
     except csv.Error as error:
         raise InputError(path, f"is no table of values ({error})") from None
     return rows, delimiter

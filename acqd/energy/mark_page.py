@@ -23,8 +23,10 @@ NOTHING = "nothing"
 """Of the time without a mark."""
 
 
-def mark_page(found: Sequence[ByMark], by: str, chosen: Range, zone: ZoneInfo) -> Page:
-    """The page, not yet written."""
+def mark_page(
+    found: Sequence[ByMark], by: str, chosen: Range, zone: ZoneInfo, without_rows: Sequence[str] = ()
+) -> Page:
+    """The page, not yet written. `without_rows`: devices that have marks and are not shown."""
     devices = ", ".join(one.device for one in found)
     page = Page(
         f"Energy by {by} of {devices}", simulated=any(one.simulated for one in found), kind="energy", subject=devices
@@ -34,6 +36,8 @@ def mark_page(found: Sequence[ByMark], by: str, chosen: Range, zone: ZoneInfo) -
         f"From {_shown(chosen.begin, zone)} to {_shown(chosen.end, zone)}, local time of {zone.key}. A visit is the "
         f"time from a mark to the next one. The register is cut at the first row whose window begins after a mark."
     )
+    if without_rows:
+        page.text(f"Without rows in this time, and not shown: {', '.join(without_rows)}.")
     for one in found:
         page.heading(f"{one.device}, {one.channel}")
         page.figure(_bars(one, by), f"Energy, and energy of a visit by {by}")
@@ -111,7 +115,8 @@ def _bars(one: ByMark, by: str) -> Figure:
         axes.set_xlabel(label)
         axes.grid(axis="x", alpha=0.4)
         axes.set_axisbelow(True)
-    energy.set_yticks(range(len(names)), [name if len(name) <= 24 else f"{name[:23]}…" for name in names])
+    shown = [name if len(name) <= 24 else f"{name[:23]}…" for name in names]
+    energy.set_yticks(range(len(names)), shown, parse_math=False)  # a name with two $ is no formula
     energy.set_ylabel(by)
     energy.invert_yaxis()
     return figure

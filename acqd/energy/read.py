@@ -23,6 +23,10 @@ _MINUTES_UP_TO_S = 10 * 86_400
 _LOOK_BACK_S = 400 * 86_400
 
 
+class NoRowsError(UserError):
+    """A device has no rows in a period."""
+
+
 def devices(engine: sa.Engine) -> list[str]:
     """All devices with rows or roll-ups."""
     with engine.connect() as connection:
@@ -116,11 +120,11 @@ def resolution(boundaries: Sequence[int], tariff: Tariff | None) -> int:
 
 
 def channel_of(device: str, channels: set[str]) -> str:
-    """The total where there is one, else the only channel. Raises UserError."""
+    """The total where there is one, else the only channel. Raises NoRowsError, or UserError for several."""
     if "total" in channels:
         return "total"
     if not channels:
-        raise UserError(f"device {device!r} has no rows in this period; `acqd energy` needs another --from, --to")
+        raise NoRowsError(f"device {device!r} has no rows in this period; `acqd energy` needs another --from, --to")
     if len(channels) > 1:
         raise UserError(f"device {device!r} has the channels {', '.join(sorted(channels))} but no total")
     return next(iter(channels))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 import io
 import re
+import warnings
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -33,7 +34,8 @@ def inline_svg(figure: Figure, alt: str, mark: str) -> str:
     from matplotlib import rc_context
 
     buffer = io.StringIO()
-    with rc_context(_STYLE):
+    with rc_context(_STYLE), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", r"Glyph .* missing from", UserWarning)  # text stays text: the page's font
         figure.savefig(buffer, format="svg", dpi=130, bbox_inches="tight", transparent=True, metadata=_METADATA)
     return themed(buffer.getvalue(), alt, mark)
 

@@ -42,6 +42,16 @@ def test_an_installed_file_has_the_folder_and_the_password_of_its_unit(installed
     assert str(config.state_dir) == "/var/lib/other"
 
 
+def test_files_of_services_are_in_the_folder_where_units_work(installed, monkeypatch):
+    installed.write_text(
+        installed.read_text() + '[marks]\nfile = "m/marks.csv"\n[alarms]\nstate = "/srv/alarms.json"\n'
+    )
+    config, state = load_config(installed), installed.parents[2] / "var/lib/acqd"
+    assert (config.marks.file, config.alarms.state) == (state / "m/marks.csv", Path("/srv/alarms.json"))
+    monkeypatch.setenv("STATE_DIRECTORY", str(state))  # of a unit, which works there
+    assert load_config(installed).marks.file == Path("m/marks.csv")
+
+
 def test_every_service_logs_in_with_its_user(installed, caplog):
     text = installed.read_text()
     users = 'sink = { username = "acqd-sink" }\nweb = { username = "viewer", password = "plain" }\n'

@@ -4,10 +4,17 @@ from __future__ import annotations
 
 import csv
 import json
+import re
+import warnings
 from datetime import UTC, datetime
+from zoneinfo import ZoneInfo
 
 import pytest
+from matplotlib.figure import Figure
 
+from acqd.energy.by_mark import ByMark, Marked
+from acqd.energy.mark_page import mark_page
+from acqd.energy.periods import Range
 from acqd.storage.database import open_database
 from acqd.storage.writer import Writer
 from tests.commands import acqd_here, refused
@@ -123,6 +130,33 @@ def test_the_page_has_every_value_and_the_check_of_the_sums(works, tmp_path):
     text = page.read_text()
     assert f"written: {page}" in done.stdout and "gear &lt;b&gt;" in text and "<svg" in text and "over gaps" in text
     assert "simulated" in text.lower() and "1.799" in text
+
+
+def test_names_are_text_in_the_picture(tmp_path, monkeypatch):
+    """Two $ are no formula of matplotlib, and letters that its font lacks are the page's."""
+    monkeypatch.setattr(Figure, "savefig", Figure.savefig.__wrapped__)  # with ticks, as users get it
+    names = ["P$1_{$", "ギア", "a^b_c"]
+    values = [Marked(name, visits=1, seconds=10, known_s=10, nWh=10**9) for name in names]
+    one = ByMark("cell-1", "total", values, 0, 0, 3 * 10**9, 100, simulated=False)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        mark_page([one], "part", Range(BEGIN, BEGIN + 3600), ZoneInfo("UTC")).write(tmp_path / "p.html")
+    shown = re.findall(r">([^<]*)</text>", (tmp_path / "p.html").read_text())
+    assert [name for name in shown if name in names] == names
+
+
+def test_devices_that_nobody_meters_are_named_and_left_out(works, tmp_path):
+    path = tmp_path / "m.csv"
+    path.write_text(f"time,device,part\n{shown(0)},washer-7,a\n{shown(0)},cell1,gear\u2028large\n")
+    words = ("energy", "--database", works / "p.sqlite", "--by", "part", "--marks", path, "--zone", "UTC",
+             "--from", "2026-11-23T06:00", "--to", "2026-11-23T06:30")  # fmt: skip
+    done = acqd_here(*words, "--json", "--html", tmp_path / "p.html")
+    answer = json.loads(done.stdout)
+    assert [one["device"] for one in answer["devices"]] == ["cell1"] and answer["without_rows"] == ["washer-7"]
+    assert "left out: washer-7" in done.stderr and "washer-7" in (tmp_path / "p.html").read_text()
+    assert "device 'washer-7' has no rows" in refused(acqd_here(*words, "--device", "washer-7"))
+    path.write_text(f"time,device,part\n{shown(0)},washer-7,a\n{shown(0)},washer-8,a\n")
+    assert "no device of the marks has rows in this period: washer-7, washer-8" in refused(acqd_here(*words))
 
 
 def test_marks_of_the_bridge_are_those_of_the_configuration(works, tmp_path):

@@ -298,6 +298,16 @@ def test_what_goes_offline_keeps_host_version_and_devices(tmp_path):
     assert "rows" not in file.read_text()  # names only
 
 
+@pytest.mark.parametrize("gone", ["hall-old", "cell-1"])
+def test_devices_belong_to_the_daemon_that_is_online(tmp_path, gone):
+    """A daemon gets a new name, or a box is now metered by another one: the old name stays on the broker, offline."""
+    boxes = {"cell-1": {}, "cell-2": {}}
+    remember(heard_of(status(gone, boxes=boxes)), tmp_path / "plant.json")
+    heard = heard_of((f"acqd/{gone}/status", b"offline"), status("hall-new", boxes=boxes))
+    remember(heard, tmp_path / "plant.json")
+    assert heard.daemon_of("cell-1") == heard.daemon_of("cell-2") == "hall-new"
+
+
 @pytest.mark.parametrize("content", [b"", b"[]", b'{"daemons": 3}', b'{"daemons": {"hall": 4}}'])
 def test_a_damaged_memory_is_none(tmp_path, content):
     (tmp_path / "plant.json").write_bytes(content)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +16,12 @@ from acqd.cli.terminal import terminal
 from acqd.errors import UserError
 
 if TYPE_CHECKING:
+    from sqlalchemy import Engine
+
     from acqd.energy.by_mark import ByMark
+    from acqd.energy.marks import Marks
+    from acqd.energy.periods import Range
+    from acqd.energy.tariff import Tariff
 
 Span = tuple[str | None, str | None, str | None, str | None]
 _HEADER = ("device", "channel", "value", "visits", "seconds", "missing_s", "kWh", "EUR", "unpriced_kWh")
@@ -28,7 +33,6 @@ def marked(
 ) -> None:  # fmt: skip
     """Read, compute, print. Raises UserError."""
     from acqd.cli.energy.period import ranges
-    from acqd.energy.by_mark import by_mark
     from acqd.energy.marks import KINDS, read_marks
     from acqd.energy.periods import zone_of
     from acqd.energy.tariff import load_tariff
@@ -45,25 +49,49 @@ def marked(
         raise UserError(f"--device {lacking[0]!r}: {path} has lines of {', '.join(sorted(marks))}")
     chosen, _ = ranges(*span, zone)
     engine = read_database(database)
-    found = [
-        by_mark(engine, name, marks.get(name) or marks[""], chosen.begin, chosen.end, tariff)
-        for name in (wanted or sorted(marks))
-    ]
+    of_device = {name: marks.get(name) or marks[""] for name in wanted or sorted(marks)}
+    found, without_rows = _by_device(engine, of_device, chosen, tariff, all_needed=bool(wanted) or len(marks) == 1)
     if table is not None:
         write_complete(table, _csv(found).encode())
     if page is not None:
         from acqd.energy.mark_page import mark_page
 
-        mark_page(found, by, chosen, zone).write(page)
+        mark_page(found, by, chosen, zone, without_rows).write(page)
     if json:
         files = {"csv": table and str(table), "html": page and str(page)}
-        print(orjson.dumps({"by": by, "devices": [_json(one) for one in found], **files}).decode())
+        devices = [_json(one) for one in found]
+        print(orjson.dumps({"by": by, "devices": devices, "without_rows": without_rows, **files}).decode())
         return
     for one in found:
         _print(one, by)
     for written in (table, page):
         if written is not None:
             print(f"written: {written}")
+
+
+def _by_device(
+    engine: Engine, marks: Mapping[str, Marks], chosen: Range, tariff: Tariff | None, *, all_needed: bool
+) -> tuple[list[ByMark], list[str]]:
+    """What devices used, and the devices without rows, which are named on stderr.
+
+    A production system has marks of what nobody meters. Raises UserError where no device has rows.
+    """
+    from acqd.energy.by_mark import by_mark
+    from acqd.energy.read import NoRowsError
+
+    found, without_rows = [], []
+    for name, of in marks.items():
+        try:
+            found.append(by_mark(engine, name, of, chosen.begin, chosen.end, tariff))
+        except NoRowsError:
+            if all_needed:
+                raise
+            without_rows.append(name)
+    if not found:
+        raise UserError(f"no device of the marks has rows in this period: {', '.join(without_rows)}")
+    if without_rows:
+        terminal(stderr=True).print(f"acqd: without rows in this period, left out: {', '.join(without_rows)}")
+    return found, without_rows
 
 
 def _json(one: ByMark) -> dict[str, Any]:

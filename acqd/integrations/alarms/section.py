@@ -18,6 +18,7 @@ _Address = Annotated[str, Field(pattern=r"^[^@\s]+@[^@\s]+$")]
 class AlarmsSection(Section):
     """Whom `acqd alarms` tells, and how soon."""
 
+    in_working_folder = ("state",)
     webhooks: list[_Url] = Field(default_factory=list, repr=False)
     mail_to: list[_Address] = Field(default_factory=list)
     mail_from: _Address = "acqd@localhost.localdomain"

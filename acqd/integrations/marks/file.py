@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import errno
 import io
 import os
 from pathlib import Path
@@ -15,7 +16,7 @@ _HEADER = ("time", "device", *KINDS)
 _STEP_NS = 1_000
 """Between lines of a device: times in the file rise."""
 _LATE_NS = 1_000_000_000
-"""By which a message may be older than the line before, when two topics change at the same time."""
+"""By which a message may be older than the one before of its kind: the production system's clock is corrected."""
 _AWAY_S = 5.0
 """Without a beat for so long, nobody knows what was worked on."""
 Values = dict[str, str]
@@ -29,20 +30,25 @@ class MarksFile:
         self._path = path
         self._known: dict[str, Values] = {}
         self._last_ns: dict[str, int] = {}
+        self._said_ns: dict[tuple[str, str], int] = {}
+        """Newest time of a message, by device and kind, since somebody has listened without a break."""
         beaten_ns = self._read()
         self.lines = 0
         """Written by this process."""
         self._beaten_ns = beaten_ns or now_ns
 
     def put(self, device: str, kind: str, value: str, at_ns: int) -> bool:
-        """Write that a device works on `value` since `at_ns`; False if the time is before the line before."""
+        """Write that a device works on `value` since `at_ns`; False if an earlier message of this kind was newer.
+
+        Times in the file rise: what began before the last line of the device begins right after that line.
+        """
         known = self._known.get(device, dict.fromkeys(KINDS, ""))
-        if known[kind] == value:
-            return True
-        last_ns = self._last_ns.get(device, 0)
-        if at_ns < last_ns - _LATE_NS:
-            return False
-        self._write(device, known | {kind: value}, max(at_ns, last_ns + _STEP_NS))
+        said_ns = self._said_ns.get((device, kind), 0)
+        if known[kind] != value:
+            if at_ns < said_ns - _LATE_NS:
+                return False
+            self._write(device, known | {kind: value}, max(at_ns, self._last_ns.get(device, 0) + _STEP_NS))
+        self._said_ns[device, kind] = max(at_ns, said_ns)
         return True
 
     def beat(self, now_ns: int) -> None:
@@ -54,6 +60,7 @@ class MarksFile:
 
     def forget(self, at_ns: int) -> None:
         """From then on nobody listened: what devices worked on is unknown until they say so again."""
+        self._said_ns.clear()
         for device, known in list(self._known.items()):
             if any(known.values()):
                 self._write(device, dict.fromkeys(KINDS, ""), max(at_ns, self._last_ns[device] + _STEP_NS))
@@ -66,10 +73,13 @@ class MarksFile:
         self.lines += 1
 
     def _append(self, text: str) -> None:
-        """In one write. Raises OSError."""
+        """All of it, or nothing. Raises OSError."""
+        content = text.encode()
         descriptor = os.open(self._path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o640)
         try:
-            os.write(descriptor, text.encode())
+            if (written := os.write(descriptor, content)) < len(content):  # the disk is full
+                os.ftruncate(descriptor, os.fstat(descriptor).st_size - written)
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(self._path))
         finally:
             os.close(descriptor)
 
@@ -87,7 +97,7 @@ class MarksFile:
         if not content.endswith(b"\n"):  # the line that a power cut has left
             os.truncate(self._path, content.rfind(b"\n") + 1)
             content = content[: content.rfind(b"\n") + 1]
-        rows = list(csv.reader(content.decode(errors="replace").splitlines()))
+        rows = list(csv.reader(io.StringIO(content.decode(errors="replace"), newline="\n")))
         if not rows or tuple(rows[0]) != _HEADER:
             raise InputError(self._path, f"is no file of acqd bridge marks: expected the header {','.join(_HEADER)}")
         for number, row in enumerate(rows[1:], start=2):

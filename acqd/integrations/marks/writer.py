@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
+import json
 import logging
 import re
 import time
 from collections.abc import Callable, Iterable, Sequence
 from datetime import datetime
 
-import orjson
-
 from acqd.integrations.marks.file import MarksFile
 from acqd.integrations.marks.section import DEVICE, MarksSection, MarkTopic
 from acqd.telemetry.message import Message
+from acqd.telemetry.topics import valid_device
 
 _log = logging.getLogger(__name__)
 _LONGEST = 200
@@ -21,6 +21,12 @@ _AHEAD_NS = 60_000_000_000
 """By which a time may be in the future: a clock that is wrong would hide every mark that follows."""
 _MILLISECONDS = 1e11
 """Unix times from here on are in ms."""
+
+
+class _Number(str):
+    """As the payload writes it: a serial number keeps all of its digits, and 12.50 is another version than 12.5."""
+
+    __slots__ = ()
 
 
 class MarksWriter:
@@ -62,6 +68,9 @@ class MarksWriter:
         self._file.forget(self._clock())
 
     def _take(self, topic: str, payload: bytes, of: MarkTopic, device: str) -> None:
+        if not valid_device(device):
+            self._refuse(topic, f"{device!r:.40} cannot be the name of a device, left out")
+            return
         now_ns = self._clock()
         value, at = self._content(payload)
         if value is None:
@@ -75,17 +84,18 @@ class MarksWriter:
             else:
                 at_ns = given_ns
         if not self._file.put(device, of.kind, value, at_ns):
-            self._refuse(topic, "older than the mark before, left out")
+            self._refuse(topic, "older than the message before, left out")
 
     def _content(self, payload: bytes) -> tuple[str | None, object]:
         """The value, "" for nothing, None where there is none; and the time, None where none is given."""
         try:
-            content = orjson.loads(payload)
-        except orjson.JSONDecodeError:
-            try:
-                content = payload.decode()
-            except UnicodeDecodeError:
-                return None, None
+            text = payload.decode()
+        except UnicodeDecodeError:
+            return None, None
+        try:
+            content = json.loads(text, parse_int=_Number, parse_float=_Number, parse_constant=_Number)
+        except (json.JSONDecodeError, RecursionError):
+            content = text
         at = None
         if isinstance(content, dict):
             if self._section.value not in content:
@@ -95,7 +105,8 @@ class MarksWriter:
             return "", at
         if isinstance(content, (dict, list)):
             return None, None
-        return " ".join(str(content).split())[:_LONGEST], at
+        shown = str(content).encode(errors="replace").decode()  # JSON can write half of a surrogate pair
+        return " ".join(shown.split())[:_LONGEST], at
 
     def _refuse(self, topic: str, why: str) -> None:
         self.refused += 1
@@ -110,10 +121,8 @@ def _pattern(each: MarkTopic) -> re.Pattern[str]:
 
 def _unix_ns(at: object) -> int | None:
     """Of RFC 3339 with an offset, or of Unix s or ms."""
-    if isinstance(at, bool):
-        return None
-    if isinstance(at, (int, float)):
-        seconds = at / 1000 if abs(at) > _MILLISECONDS else at
+    if isinstance(at, _Number):
+        seconds = float(at) / 1000 if abs(float(at)) > _MILLISECONDS else float(at)
         return round(1e9 * seconds) if 0 <= seconds < 1e10 else None
     try:
         moment = datetime.fromisoformat(str(at))
