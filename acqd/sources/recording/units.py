@@ -119,8 +119,8 @@ def split_label(label: str, labels: Iterable[str] = ()) -> tuple[str, str]:
     """Name and unit of a header such as `u1 [kV]`, `Time (s)`, `U1/V`, `i1 in mA`, `t_ms`; the unit may be "".
 
     A tail without brackets is a unit only if the table has it: `I_A` is the current of phase A, `i1_A` a current in A,
-    `U_S` the voltage of phase S, `t_s` a time in s. `U / A` is a voltage of phase A and `I / A` a current in A, unless one of
-    the `labels` beside it is `I / B`.
+    `U_S` the voltage of phase S, `t_s` a time in s. `U / A` is a voltage of phase A and
+    `I / A` a current in A, unless one of the `labels` beside it is `I / B`.
     """
     text = label.strip().strip('"').strip()
     found = _BRACKETS.match(text)

@@ -70,7 +70,9 @@ def _together(first: Export, others: list[Path], given: ChannelMap) -> Recording
         return export.column(channel)
 
     start = taken[0][1].recorded.start_utc_ns
-    return replace(recording, channels=channels, column=column, notes=notes, start_utc_ns=start, advice="; ".join(left_out))
+    return replace(
+        recording, channels=channels, column=column, notes=notes, start_utc_ns=start, advice="; ".join(left_out)
+    )
 
 
 def _read(path: Path, given: ChannelMap) -> Export:
