@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import hashlib
 import os
 import shutil
@@ -86,3 +87,12 @@ def cached_library(build: CBuild) -> Path:
     finally:
         temporary.unlink(missing_ok=True)
     return path
+
+
+def loaded_library(build: CBuild) -> ctypes.CDLL:
+    """The compiled library. Raises OperationError as `cached_library`, and for a file that is damaged."""
+    path = cached_library(build)
+    try:
+        return ctypes.CDLL(str(path))
+    except OSError:
+        raise OperationError(f"{path} is damaged: remove it, and it is compiled again") from None

@@ -80,3 +80,11 @@ def test_a_changed_source_or_flag_has_another_file(tmp_path):
     names = {compiling.file_name(build), compiling.file_name(CBuild("one", (source,), ("-O2",), ""))}
     source.write_text("int one(void) { return 2; }\n")
     assert len(names | {compiling.file_name(build)}) == 3
+
+
+def test_a_damaged_library_is_named_with_the_remedy(tmp_path, monkeypatch):
+    build = lstm(best_instruction_set())
+    (tmp_path / compiling.file_name(build)).write_bytes(b"no library")
+    monkeypatch.setattr(compiling, "PREBUILT", tmp_path)
+    with pytest.raises(OperationError, match="is damaged: remove it"):
+        compiling.loaded_library(build)

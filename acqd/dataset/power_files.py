@@ -93,7 +93,11 @@ def csv_batches(path: Path, notes: list[str]) -> Iterator[pa.RecordBatch]:
         except pa.ArrowInvalid as error:
             raise InputError(path, _misfit(str(error))) from None
         if end < file.seek(0, os.SEEK_END):
-            notes.append(f"power {path}: its last line is cut off and left out: was the recorder stopped hard?")
+            notes.append(_cut_off(path))
+
+
+def _cut_off(path: Path) -> str:
+    return f"power {path}: its last line is cut off and left out: was the recorder stopped hard?"
 
 
 class _Beginning(io.RawIOBase):
@@ -144,14 +148,22 @@ def _misfit(message: str) -> str:
     )
 
 
-def json_line_batches(path: Path, _notes: list[str]) -> Iterator[pa.RecordBatch]:
-    """Batches of a file with one JSON object a line. Raises InputError."""
+def json_line_batches(path: Path, notes: list[str]) -> Iterator[pa.RecordBatch]:
+    """Batches of a file with one JSON object a line, or blank lines. Raises InputError.
+
+    A last line that is cut off is no row; a note says so.
+    """
     rows: list[dict[str, object]] = []
     with path.open("rb") as file:
         for number, line in enumerate(file, start=1):
+            if not line.strip(b"\0 \t\r\n"):  # zeros: the file system had kept room for more
+                continue
             try:
                 row = orjson.loads(line)
             except orjson.JSONDecodeError as error:
+                if number > 1 and not line.endswith(b"\n"):
+                    notes.append(_cut_off(path))
+                    break
                 raise InputError(path, f"line {number} is not JSON ({error})") from None
             if not isinstance(row, dict):
                 raise InputError(path, f"line {number} is not a JSON object with time and P")

@@ -7,7 +7,7 @@ import logging
 import os
 
 from acqd.c_builds import ticks
-from acqd.compiling import cached_library
+from acqd.compiling import cached_library, loaded_library
 from acqd.errors import OperationError
 
 _log = logging.getLogger(__name__)
@@ -17,10 +17,11 @@ SWITCH = "ACQD_TICKS"
 
 @functools.cache
 def library_path() -> str | None:
-    """File of the compiled cycles; None, and one line in the log, where there is no compiler."""
+    """File of the compiled cycles; None, and one line in the log, where there is none, or it is damaged."""
     if os.environ.get(SWITCH) == "python":
         return None
     try:
+        loaded_library(ticks())  # a damaged file is known here, and not in MAIN_FAST
         return str(cached_library(ticks()))
     except OperationError as error:
         _log.warning("cycles of MAIN_FAST in Python, which takes about twice as long: %s", error)

@@ -31,14 +31,15 @@ def frozen(time: Floats, q: Floats, q_step: Floats, acceleration: Floats) -> Fla
     """[T, axes] angles [T, axes] at rising times [T] s that repeat the last value while the joint moves on.
 
     `q_step` [axes]: how finely angles are written; `acceleration` [axes] rad/s^2 or m/s^2: the limits of the joints.
-    Rows in which all joints stay are repeated poses, and no fault of one joint.
+    Poses are judged once: a row that repeats the pose before is as that row.
     """
     stale = np.zeros(q.shape, bool)
     if len(time) < 2 * _RUN:
         return stale
-    for axis, angle in enumerate(q.T):
-        stale[:, axis] = _frozen(time, angle, float(q_step[axis]), float(acceleration[axis]))
-    stale[1:] &= (q[1:] != q[:-1]).any(axis=1)[:, None]
+    new = np.concatenate([[True], (q[1:] != q[:-1]).any(axis=1)])  # a fast recorder repeats what the controller says
+    for axis, angle in enumerate(q[new].T):
+        of_new = _frozen(time[new], angle, float(q_step[axis]), float(acceleration[axis]))
+        stale[:, axis] = of_new[np.cumsum(new) - 1]
     return stale
 
 
@@ -48,7 +49,7 @@ def _frozen(time: Floats, angle: Floats, written: float, acceleration: float) ->
     held, moved = np.diff(first), np.abs(np.diff(angle[first]))
     steps = moved[moved > 0]
     written = max(written, float(steps.min())) if len(steps) else written
-    last_s = time[first[1:]] - time[first[1:] - 1]  # the row in which the joint moves at once
+    last_s = time[first[1:]] - time[first[1:] - 1]  # the step in which the joint moves at once
     noise = mad_sigma(np.diff(angle, 2), 0.0) / np.sqrt(6)
     possible = np.maximum(TOO_FAST * acceleration * last_s**2, max(RESOLUTIONS * written, CLEARLY * noise))
     long = held > _RUN * max(float(np.median(held)), 1.0) if len(held) else held > 0

@@ -24,8 +24,7 @@ _KEPT = 0.9
 _MANY = 0.3
 """Share of the values within a decade from which on their step counts."""
 _LEAST_VALUES, _REPEATED = 20, 3
-"""Values, and rows of each or changes of other sizes, by which counts of an encoder are known: a joint at constant
-speed has even steps, too."""
+"""Values, and rows of each, by which counts of an encoder are known: a joint at constant speed has even steps, too."""
 _ERROR = 0.05
 """rad/s^2 or m/s^2, standard error of an acceleration that changes neither lag nor model."""
 _SHORTEST_S, _LONGEST_S = 0.1, 0.4
@@ -77,11 +76,6 @@ def common_step(changes: Floats) -> float:
 
 
 def _step(values: Floats) -> float:
-    changes = np.abs(np.diff(values))
-    changes = changes[changes > 0]
-    step = common_step(changes) if len(changes) >= _LEAST_VALUES else 0.0
-    if step and len(np.unique(np.rint(changes / step))) >= _REPEATED:  # at constant speed, all changes are alike
-        return step
     for unit in (1.0, np.pi / 180):
         distinct = len(np.unique(np.rint(values / unit * 10.0 ** (_FINEST + 1))))
         for digits in range(_FINEST + 1):

@@ -9,7 +9,7 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.c_builds import rigid_body
-from acqd.compiling import cached_library
+from acqd.compiling import loaded_library
 from acqd.errors import OperationError
 from acqd.instruction_sets import best_instruction_set
 
@@ -18,9 +18,9 @@ MOST_AXES = 16
 
 @functools.cache
 def library() -> ctypes.CDLL | None:
-    """The compiled library; None without a compiler."""
+    """The compiled library; None without a compiler, or where the file is damaged."""
     try:
-        loaded = ctypes.CDLL(str(cached_library(rigid_body(best_instruction_set()))))
+        loaded = loaded_library(rigid_body(best_instruction_set()))
     except OperationError:
         return None
     doubles, count = np.ctypeslib.ndpointer(np.float64, flags="C_CONTIGUOUS"), ctypes.c_ssize_t
@@ -34,6 +34,8 @@ def library() -> ctypes.CDLL | None:
 def torques(packed: Floats, gravity: float, links: Floats, q: Floats, qd: Floats, qdd: Floats) -> Floats | None:
     """Torques [n, T, axes] of n sets of bodies `links` [n, axes, 10] at a motion [T, axes]; None without a compiler.
 
+    Raises ValueError for velocities `qd` or accelerations `qdd` that do not fit the angles `q`.
+
     `packed` [axes, 28]: of every joint the place, the direction of sliding, the rotations before and after the
     joint's own (3 x 3 each), the axis, and 1 if the joint slides. `gravity`: m/s^2.
     """
@@ -41,6 +43,10 @@ def torques(packed: Floats, gravity: float, links: Floats, q: Floats, qd: Floats
     if compiled is None or q.shape[1] > MOST_AXES:
         return None
     tau = np.empty((len(links), *q.shape))
-    motion = [np.ascontiguousarray(each, dtype=np.float64) for each in (q, qd, qdd, np.cos(q), np.sin(q))]
-    compiled.acqd_joint_torques(*q.shape, packed, gravity, *motion, len(links), np.ascontiguousarray(links), tau)
+    motion = [
+        np.ascontiguousarray(np.broadcast_to(each, q.shape), dtype=np.float64)
+        for each in (q, qd, qdd, np.cos(q), np.sin(q))
+    ]
+    bodies = np.ascontiguousarray(links, dtype=np.float64)
+    compiled.acqd_joint_torques(*q.shape, packed, gravity, *motion, len(links), bodies, tau)
     return tau

@@ -202,6 +202,15 @@ def test_tabs_other_encodings_and_a_last_line_that_is_cut_off_are_read(tmp_path,
     assert len(cut) == noted
 
 
+@pytest.mark.parametrize(("end", "noted"), [('{"time":17000', 1), ("\n \n", 0)])
+def test_a_last_line_of_json_that_is_cut_off_and_blank_ones_are_no_rows(tmp_path, end, noted):
+    rows = [row.split(",") for row in ROWS.splitlines()[1:]]
+    text = "".join(f'{{"time":{time},"P":{P}}}\n' for time, P in rows)
+    (tmp_path / "rows.jsonl").write_text(text + end)
+    stream = open_power(str(tmp_path / "rows.jsonl"), None, None)
+    assert len(stream.P) == 200 and sum("is cut off and left out" in note for note in stream.notes) == noted
+
+
 @pytest.mark.parametrize(
     ("content", "line"),
     [

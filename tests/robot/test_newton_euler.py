@@ -43,3 +43,13 @@ def test_newton_euler_agrees_with_pinocchio(robot):
     q, qd, qdd = np.random.default_rng(3).normal(0, 2, (3, 40, arm.axes))
     own = joint_torque(Chain.of(description), inertial_parameters(arm), q, qd, qdd)
     assert np.abs(own - inverse_dynamics(arm, q, qd, qdd)).max() < 1e-9
+
+
+def test_motions_and_bodies_of_other_shapes_and_types_are_those_of_numpy():
+    chain = Chain.of(load_description("ur10e"))
+    q, arms = np.random.default_rng(1).normal(0, 1, (50, 6)), np.ones((1, 6, 10), np.float32)
+    found = joint_torques(chain, arms, q, np.ones((1, 6)), np.zeros((1, 6)))
+    np.testing.assert_allclose(found, joint_torques(chain, arms.astype(float), q, np.ones_like(q), np.zeros_like(q)))
+    if library() is not None:
+        with pytest.raises(ValueError, match="broadcast"):
+            joint_torques(chain, arms, q, q[:20], q)

@@ -73,3 +73,8 @@ def test_times_that_are_cut_off_are_known_by_the_way_between_rows():
     # missing rows are no wrong times
     some = np.random.default_rng(1).random(len(t)) > 0.15
     assert smoothing_of(t[some], q[some], step, ROBOT.speed) is None
+
+
+def test_angles_of_an_integrator_are_no_counts_of_an_encoder():
+    speed = np.cumsum(np.repeat(np.tile([1, 0, -1, 0, -1, 0, 1, 0], 4), 12)) * 2.4567891 / 25
+    assert resolution(0.3 + np.cumsum(speed) / 25) == 0.0

@@ -365,3 +365,15 @@ def test_the_noise_of_encoders_is_no_fault_of_the_rows(rate_Hz, noise, step, spe
     quality = log_with(1000 + t, q).quality
     assert quality.bad <= 2 and quality.frozen_rows == 0  # noise may repeat a pose by chance
     assert not quality.by_itself and quality.rebuilt is None and quality.fault is None
+
+
+def test_a_recorder_that_is_faster_than_the_controller_loses_no_row_and_finds_a_frozen_joint():
+    t = np.arange(0, 6, 0.002)
+    controller = np.floor(t * 125 + 1e-9) / 125
+    phase = (controller[:, None] - 0.5 - 0.15 * np.arange(6)) % 2
+    since = np.clip(np.minimum(phase, 1.5 - phase), 0, 0.5) / 0.5
+    q = np.where(since < 0.5, 2 * since**2, 1 - 2 * (1 - since) ** 2) * 0.7 * ROBOT.acceleration * 0.5**2 / 4
+    assert not frozen(t, q, np.full(6, 1e-6), ROBOT.acceleration).any()
+    q[400:500, 1] = q[400, 1]
+    found = frozen(t, q, np.full(6, 1e-6), ROBOT.acceleration)
+    assert found[410:496, 1].all() and not found[:, [0, 2, 3, 4, 5]].any()

@@ -10,15 +10,15 @@ from numpy.typing import NDArray
 
 from acqd.arrays import Floats
 from acqd.c_builds import switching
-from acqd.compiling import cached_library
+from acqd.compiling import loaded_library
 from acqd.errors import OperationError
 
 
 @functools.cache
 def library() -> ctypes.CDLL | None:
-    """The compiled library; None without a compiler."""
+    """The compiled library; None without a compiler, or where the file is damaged."""
     try:
-        loaded = ctypes.CDLL(str(cached_library(switching())))
+        loaded = loaded_library(switching())
     except OperationError:
         return None
     doubles = np.ctypeslib.ndpointer(np.float64, flags="C_CONTIGUOUS")

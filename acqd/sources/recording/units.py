@@ -7,8 +7,11 @@ below, and what matters is to refuse all others (ADR 33).
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
+
+from acqd.sources.recording.label import readings
 
 Quantity = Literal["u", "i", "t", ""]
 """Voltage, current, time; empty: another quantity, or none that is known."""
@@ -112,11 +115,12 @@ _GLUED = re.compile(r"^(.*[A-Za-z0-9])(?:(?<=\d)([uµμ][VA])|([mk][VA]))$")
 _TAIL = re.compile(r"^(.+?)(\s+in\s+|\s*/\s*|\s*,\s*|_|\s+)([^\s_/,]+)$", re.IGNORECASE)
 
 
-def split_label(label: str) -> tuple[str, str]:
+def split_label(label: str, labels: Iterable[str] = ()) -> tuple[str, str]:
     """Name and unit of a header such as `u1 [kV]`, `Time (s)`, `U1/V`, `i1 in mA`, `t_ms`; the unit may be "".
 
     A tail without brackets is a unit only if the table has it: `I_A` is the current of phase A, `i1_A` a current in A,
-    `U_S` the voltage of phase S, `t_s` a time in s.
+    `U_S` the voltage of phase S, `t_s` a time in s. `U / A` is a voltage of phase A and
+    `I / A` a current in A, unless one of the `labels` beside it is `I / B`.
     """
     text = label.strip().strip('"').strip()
     found = _BRACKETS.match(text)
@@ -135,9 +139,12 @@ def split_label(label: str) -> tuple[str, str]:
         return glued.group(1), glued.group(2) or glued.group(3)
     tail = _TAIL.match(text)
     if tail and _is_unit(tail.group(3)):
-        told = tail.group(2).strip() in ("in", "/", ",")  # I / A, as ISO 80000-1 writes it
-        if told or not _is_phase(tail.group(1), tail.group(3)):
-            return tail.group(1).strip(), tail.group(3)
+        stem, between, last = tail.group(1).strip(), tail.group(2).strip().lower(), tail.group(3)
+        phase = between != "in" and _is_phase(tail.group(1), last)
+        if phase and between in ("/", ","):  # I / A, as ISO 80000-1 writes it
+            phase = any(one.quantity == "u" for one in readings(stem)) or _has_sibling(text, labels)
+        if not phase:
+            return stem, last
     return text, ""
 
 
@@ -188,3 +195,9 @@ def _is_phase(stem: str, tail: str) -> bool:
     if tail in ("s", "S"):
         return stem.lower() not in TIME_NAMES
     return tail in ("A", "a") and not re.search(r"\d$|[\d_ -][a-cr-tA-CR-T]$|^[uviUVI][a-cr-tA-CR-T]$", stem)
+
+
+def _has_sibling(label: str, labels: Iterable[str]) -> bool:
+    """Whether another label differs by the letter of another phase only: `Current/A` beside `Current/B`."""
+    others = {"A": "BC", "a": "bc", "S": "RT", "s": "rt"}.get(label[-1], "")
+    return not {label[:-1] + other for other in others}.isdisjoint(one.strip().strip('"').strip() for one in labels)

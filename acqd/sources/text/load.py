@@ -12,7 +12,7 @@ from acqd.sources.recording.channel import Column, Recording
 from acqd.sources.recording.siblings import SAME_STEP, channel_number, siblings, skew
 from acqd.sources.text.export import Export, Text
 from acqd.sources.text.layout import Layout, find_layout, recognised
-from acqd.sources.text.table import Table, find_table, is_number, split_row
+from acqd.sources.text.table import Table, are_units_alone, find_table, is_number, split_row
 from acqd.sources.text_file import encoding_of
 from acqd.sources.waveform import ChannelMap
 
@@ -33,25 +33,28 @@ def _together(first: Export, others: list[Path], given: ChannelMap) -> Recording
     """One recording of files with one channel each."""
     recording, path = first.recorded, first.text.path
     step_s = 1 / recording.rate if recording.rate else 0.0
-    taken, notes = [(path, first)], list(recording.notes)
+    taken, notes, left_out = [(path, first)], list(recording.notes), list[str]()
     for other in others:
         try:
             export = _read(other, given)
         except InputError as error:
-            notes.append(f"left out: {error}")
+            left_out.append(f"left out: {error}")
             continue
         rates = export.recorded.rate or 1.0, recording.rate or 1.0
         same = abs(rates[0] / rates[1] - 1) < SAME_STEP and export.recorded.samples == recording.samples
         if export.lone is None or not same:
-            notes.append(f"{other.name} has another length or rate: left out")
+            left_out.append(f"{other.name} has another length or rate: left out")
             continue
         taken.append((other, export))
+    notes += left_out
     if len(taken) == 1:
-        return replace(recording, notes=notes)
+        return replace(recording, notes=notes, advice="; ".join([*left_out, *filter(None, [recording.advice])]))
     notes.append(f"read together with it: {', '.join(other.name for other, _ in taken[1:])}")
     taken.sort(key=lambda one: one[0].name)
     lone = [(export, export.lone or 0) for _, export in taken]
     own = [export.recorded.channels[k] for export, k in lone]
+    if are_units_alone([channel.name for channel in own]):
+        own = [replace(channel, name="", unit=channel.name) for channel in own]
     unique = len({channel.name for channel in own}) == len(own)
     channels = [
         replace(
@@ -67,7 +70,9 @@ def _together(first: Export, others: list[Path], given: ChannelMap) -> Recording
         return export.column(channel)
 
     start = taken[0][1].recorded.start_utc_ns
-    return replace(recording, channels=channels, column=column, notes=notes, start_utc_ns=start, advice="")
+    return replace(
+        recording, channels=channels, column=column, notes=notes, start_utc_ns=start, advice="; ".join(left_out)
+    )
 
 
 def _read(path: Path, given: ChannelMap) -> Export:

@@ -157,14 +157,15 @@ def _read_header(table: Table, lines: list[str], layout: Layout) -> None:
         candidates = [layout.names_row - 1]
     names_at = _header_rows(table, [_unlabelled(row, table.width) for row in rows], candidates, layout)
     table.names = _padded(_named(table, layout.names) or names_at, table.width)
-    if not table.units and _are_units_alone(table.names):
+    if not table.units and are_units_alone(table.names):
         table.units, table.names = _padded([_bare(text) for text in table.names], table.width), [""] * table.width
     if named := _named(table, layout.units):
         table.units = _padded(named, table.width)
     table.units = table.units or [""] * table.width
-    for k, name in enumerate(table.names):
+    labels = list(table.names)
+    for k, name in enumerate(labels):
         if not table.units[k]:
-            table.names[k], table.units[k] = split_label(name)
+            table.names[k], table.units[k] = split_label(name, labels)
             table.units[k] = table.units[k] or codes_word(name)
     if any(table.units) and not any(table.names):
         table.names = [f"column {k}" for k in range(table.width)]
@@ -242,8 +243,8 @@ def _are_units(row: list[str]) -> bool:
     return seen > 0 and any(_bare(text) not in ("A", "t", "x", "") for text in row)
 
 
-def _are_units_alone(row: list[str]) -> bool:
-    """Whether the only row above the numbers holds no names: `V,A` and not `time,A,B`."""
+def are_units_alone(row: list[str]) -> bool:
+    """Whether texts that stand for names are units: `V,A` and not `A,B`."""
     try:
         found = [unit_of(_bare(text)) for text in row]
     except UnknownUnitError:

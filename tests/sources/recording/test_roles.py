@@ -153,3 +153,10 @@ def test_of_whole_feeders_the_first_is_metered_and_voltages_of_one_are_not_mixed
     assert metered("U1A U1B U1C I1A I1B I1C U2A U2B U2C I2A I2B I2C")["u2"] == "U1B"
     assert metered("BUS_VA BUS_VB BUS_VC|kV F1_IA F1_IB F1_IC|A".replace("_VA", "_VA|kV").replace("_VB", "_VB|kV")
                    .replace("_IA", "_IA|A").replace("_IB", "_IB|A"))["i3"] == "F1_IC"  # fmt: skip
+
+
+def test_letters_behind_a_slash_are_phases_beside_others_and_a_current_alone_is_in_amperes():
+    labels = ["Voltage/A", "Current/A", "Current/B"]
+    assert [split_label(label, labels) for label in labels] == [(label, "") for label in labels]
+    assert split_label("Voltage, A") == ("Voltage, A", "") and split_label("I / A") == ("I", "A")
+    assert split_label("u1/A") == ("u1", "A")

@@ -214,3 +214,12 @@ def test_a_scale_in_brackets_is_refused(tmp_path, name):
 def test_a_factor_above_the_table_is_named(tmp_path, line, said):
     notes = " ".join(load_waveform(written(tmp_path, f"{line}\ntime,u1,i1", T, U, I)).notes)
     assert ("a factor that is not applied" in notes) == said
+
+
+def test_files_of_one_channel_named_by_its_unit_are_metered_together_and_others_are_named(tmp_path):
+    for number, unit, values in ((1, "V", U), (2, "A", I)):
+        written(tmp_path, f"Time,{unit}", T, values).rename(tmp_path / f"s_CH{number}.csv")
+    assert_metered(load_waveform(tmp_path / "s_CH1.csv"))
+    written(tmp_path, "Time,A", T[:-1], I[:-1]).rename(tmp_path / "s_CH2.csv")
+    with pytest.raises(InputError, match=r"s_CH2.csv has another length or rate"):
+        load_waveform(tmp_path / "s_CH1.csv")
