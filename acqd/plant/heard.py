@@ -35,7 +35,9 @@ class Heard:
     """What is wrong by the status of a daemon."""
     earlier: dict[tuple[str, str], Status] = field(default_factory=dict)
     """The last status of those that are offline, by "daemons" or "sinks" and name, where known."""
-    _of: Daemons = field(default_factory=Daemons)
+    _online: Daemons = field(default_factory=Daemons)
+    _offline: Daemons = field(default_factory=Daemons)
+    """A daemon that was renamed stays on the broker under its old name: asked only of devices that none online has."""
 
     def take(self, topic: str, payload: bytes) -> None:
         """A message."""
@@ -45,7 +47,7 @@ class Heard:
             case ["acqd", name, "status"]:
                 self.daemons[name] = _status(payload)
                 self.faults[name] = wrong(payload) or {}
-                self._of.take(name, payload)
+                (self._offline if self.daemons[name] is None else self._online).take(name, payload)
             case _ if topic == ACTIVE:
                 content = _json(payload)
                 self.alarms = [each for each in content if isinstance(each, dict)] if isinstance(content, list) else []
@@ -54,11 +56,11 @@ class Heard:
         """Know what a daemon or a sink, which is offline now, once said."""
         self.earlier[kind, name] = status
         if kind == "daemons":
-            self._of.take(name, orjson.dumps(status))
+            self._offline.take(name, orjson.dumps(status))
 
     def daemon_of(self, device: str) -> str | None:
-        """The daemon that meters a device; None: no daemon has named it."""
-        return self._of.of(device)
+        """The daemon that meters a device, else one that did; None: no daemon has named it."""
+        return self._online.of(device) or self._offline.of(device)
 
 
 def _json(payload: bytes) -> Any:
