@@ -61,6 +61,7 @@ _PYDANTIC = (
     (r"Input should be a valid (\w+)", r"expected a \1"),
     (r"Input should be (greater|less) ", r"expected a number \1 "),
     (r"Input should be ", "expected "),
+    (r"^\w+ should have (at (?:least|most) \d+ \w+)(?: after validation)?", r"expected \1"),
     (r"^Extra inputs are not permitted$", "there is no such key; is it misspelt?"),
     (r"^Field required$", "is missing"),
     (r", unable to parse string as .*$", ""),

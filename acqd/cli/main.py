@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import errno
 import gc
+import io
 import logging
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
+from types import FrameType
 from typing import NoReturn, TextIO
 
 from typer import Typer
@@ -46,8 +48,13 @@ class _Lines(logging.Formatter):
 
 def _end_quietly() -> NoReturn:
     """Exit with 0: the reader of our output has gone (acqd replay ... | head), and nothing is wrong."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    _give_up_stdout()
     sys.exit(0)
+
+
+def _give_up_stdout() -> None:
+    """Else the interpreter tries again at its end, and prints that it cannot."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def main() -> None:
@@ -79,6 +86,7 @@ def for_people(work: Callable[[], object]) -> None:
     logging.getLogger("mqtt").setLevel(logging.ERROR)
     try:
         code = work()
+        _flush()  # here, where an error is answered
     except UserError as error:
         print(f"acqd: {error}", file=sys.stderr)
         sys.exit(2)
@@ -103,25 +111,46 @@ def for_people(work: Callable[[], object]) -> None:
 
 
 def _named(error: OSError) -> str:
-    """The file, what the system says, and what helps; where the system names no file, that of acqd's innermost step."""
+    """The file, what the system says, and what helps; where no file is known, acqd's innermost step."""
     what = error.strerror or str(error) or type(error).__name__
     remedy = _REMEDIES.get(error.errno or 0, "")
     if error.filename is not None:
         return f"{error.filename}: {what}{remedy}"
+    if _of_stdout(error):
+        return f"standard output: {what}{remedy}"
     import traceback  # only here: it is slow to import
 
-    steps = [
-        (Path(frame.f_code.co_filename), frame.f_code.co_name, line, frame.f_locals)
-        for frame, line in traceback.walk_tb(error.__traceback__)
-        if _PROGRAM in Path(frame.f_code.co_filename).parents
-    ]
-    for *_, values in reversed(steps):  # a full disk: write() knows no name, but what has called it does
-        if path := next((value for value in values.values() if isinstance(value, Path)), None):
-            return f"{path}: {what}{remedy}"
-    if not steps:
+    frames = list(traceback.walk_tb(error.__traceback__))
+    ours = [k for k, (frame, _) in enumerate(frames) if _PROGRAM in Path(frame.f_code.co_filename).parents]
+    if not ours:
         return f"{what}{remedy}"
-    file, step, line, _ = steps[-1]
-    return f"{what}, in {step} ({file.relative_to(_PROGRAM.parent)}, line {line}){remedy}"
+    if len(names := _written(frame for frame, _ in frames[ours[-1] :])) == 1:
+        return f"{names.pop()}: {what}{remedy}"
+    frame, line = frames[ours[-1]]
+    file = Path(frame.f_code.co_filename).relative_to(_PROGRAM.parent)
+    return f"{what}, in {frame.f_code.co_name} ({file}, line {line}){remedy}"
+
+
+def _written(frames: Iterable[FrameType]) -> set[str]:
+    """Names of the files that these steps have opened for writing: on a full disk, write() knows no name."""
+    values = [value for frame in frames for value in frame.f_locals.values() if isinstance(value, io.IOBase)]
+    names = [getattr(each, "name", None) for each in values if set(str(getattr(each, "mode", ""))) & set("wax+")]
+    return {"standard output" if name == "<stdout>" else str(name) for name in names if isinstance(name, str | Path)}
+
+
+def _flush() -> None:
+    if sys.stdout is not None:  # closed by who has started this program
+        sys.stdout.flush()
+
+
+def _of_stdout(error: OSError) -> bool:
+    """Whether what waits for standard output cannot be written for the same reason; it is given up then."""
+    try:
+        _flush()
+    except OSError as again:
+        _give_up_stdout()
+        return again.errno == error.errno
+    return False
 
 
 _ROOM, _RIGHTS = "; make room, or choose another disk", "; choose another place, or allow it to this user"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import sys
+from typing import Any
 
 from acqd.errors import in_our_words
 
@@ -13,6 +14,7 @@ _WORDS = (
     (r"^No such", "no such"),
     (r"^Missing", "missing"),
     (r"^Got unexpected", "unexpected"),
+    (r"^Option '([^']*)' requires (an argument|\d+ arguments)", r"\1: expected \2 after the option"),
     (r" \(Possible options: (.*)\)", r" (did you mean \1?)"),
     (r"\. Did you mean (.*)\?", r" (did you mean \1?)"),
 )
@@ -36,8 +38,16 @@ def answered(error: Exception) -> bool:
         said = re.sub(pattern, replacement, said)
     place, _, complaint = said.rpartition(": ")
     said = f"{place}{': ' if place else ''}{in_our_words(complaint)}"
-    context = getattr(error, "ctx", None)
+    context = getattr(error, "ctx", None) or _context(error)
     whole = context.command_path if context is not None else "acqd"
     command = whole.removeprefix("acqd").strip()
     print(f"acqd: {command}{': ' if command else ''}{said}; see {whole} --help", file=sys.stderr)
     return True
+
+
+def _context(error: Exception) -> Any:
+    """Of the command whose arguments were read: an option without its value is an error that does not name it."""
+    import traceback  # only here: it is slow to import
+
+    contexts = [frame.f_locals.get("ctx") for frame, _ in traceback.walk_tb(error.__traceback__)]
+    return next((context for context in reversed(contexts) if hasattr(context, "command_path")), None)

@@ -29,7 +29,7 @@ class Daemons:
             return
         if payload == topics.OFFLINE or not isinstance(status, dict):
             return
-        self._named[daemon] = set(_names(status))
+        self._named[daemon] = set(_names(status, 2))
         self._boots[daemon] = str(status.get("boot", ""))
 
     def of(self, device: str, boot: str = "") -> str | None:
@@ -42,11 +42,11 @@ class Daemons:
         return next((daemon for daemon, known in self._boots.items() if boot and boot == known), None)
 
 
-def _names(status: dict[str, Any]) -> Iterator[str]:
-    """Devices in a status: of boxes, of meters, and of the meters of a box."""
+def _names(status: dict[str, Any], levels: int) -> Iterator[str]:
+    """Devices in a status: of boxes, of meters, and of the meters of a box; no daemon has more levels."""
     for key in _TABLES:
         table = status.get(key)
         for name, content in table.items() if isinstance(table, dict) else ():
             yield str(name)
-            if isinstance(content, dict):
-                yield from _names(content)
+            if levels > 1 and isinstance(content, dict):
+                yield from _names(content, levels - 1)

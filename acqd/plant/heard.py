@@ -37,7 +37,7 @@ class Heard:
     """The last status of those that are offline, by "daemons" or "sinks" and name, where known."""
     _online: Daemons = field(default_factory=Daemons)
     _offline: Daemons = field(default_factory=Daemons)
-    """What they once said: another daemon may meter their devices today."""
+    """A daemon that was renamed stays on the broker under its old name: asked only of devices that none online has."""
 
     def take(self, topic: str, payload: bytes) -> None:
         """A message."""
@@ -59,7 +59,7 @@ class Heard:
             self._offline.take(name, orjson.dumps(status))
 
     def daemon_of(self, device: str) -> str | None:
-        """The daemon that meters a device, else the one that has metered it; None: no daemon has named it."""
+        """The daemon that meters a device, else one that did; None: no daemon has named it."""
         return self._online.of(device) or self._offline.of(device)
 
 

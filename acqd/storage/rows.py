@@ -20,9 +20,14 @@ _COLUMNS = [column.name for column in power.columns]
 _KEY = ("device", "channel", "boot", "seq")
 _QUOTED = ", ".join(f'"{name}"' for name in _COLUMNS)
 _ON_KEY = " AND ".join(f'p."{name}" = a."{name}"' for name in _KEY)
+_KEY_QUOTED = ", ".join(f'"{name}"' for name in _KEY)
 _MOVE = (
-    f"INSERT INTO power ({_QUOTED}) SELECT {_QUOTED} FROM arriving WHERE true ORDER BY number ON CONFLICT DO NOTHING"
+    f"INSERT INTO power ({_QUOTED}) SELECT {_QUOTED} FROM ("
+    f"SELECT DISTINCT ON ({_KEY_QUOTED}) * FROM arriving ORDER BY {_KEY_QUOTED}, number"
+    f") a WHERE NOT EXISTS (SELECT 1 FROM power p WHERE {_ON_KEY}) ORDER BY number ON CONFLICT DO NOTHING"
 )
+"""Of each key the first row, if `power` has none: where a trigger puts rows into a table that inherits from `power`,
+no key is there for ON CONFLICT."""
 
 
 def insert(connection: sa.Connection, rows: list[PowerRow]) -> list[int]:
@@ -57,12 +62,13 @@ def _sqlite(connection: sa.Connection, rows: list[PowerRow]) -> list[int]:
 
 
 def _postgres(connection: sa.Connection, rows: list[PowerRow]) -> list[int]:
-    """COPY straight into the table; only when a row is there already, by way of a staging table."""
+    """COPY straight into the table; by way of a staging table when a row is there already, or a trigger takes rows."""
     values = [_values(row) for row in rows]
     try:
-        with connection.begin_nested():
+        with connection.begin_nested() as copied:
             if _copy(connection, "power", _QUOTED, values) == len(rows):
-                return []  # else a trigger drops rows, or puts them elsewhere
+                return []
+            copied.rollback()  # a trigger drops rows, or puts them elsewhere: what it has put there must not stay
     except connection.dialect.loaded_dbapi.errors.UniqueViolation:
         pass
     connection.exec_driver_sql(

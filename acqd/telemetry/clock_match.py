@@ -14,6 +14,8 @@ _AGREE_S = 60.0
 _LATELY_S, _SPAN_S = 30.0, 5.0
 """Receipts that count, and the time between the first and the last of them before anything is said: one may be late."""
 _MOST = 256
+_LAST_S = 4e9
+"""A clock that was never set shows 1970 or later; what lies outside of 1970 to 2096 is no clock's time."""
 
 
 class ClockMatch:
@@ -27,7 +29,9 @@ class ClockMatch:
         """A receipt and the time (RFC 3339) at which the sink has sent it; what is no time is ignored."""
         try:
             there_s = datetime.fromisoformat(text).timestamp()
-        except (ValueError, OverflowError):
+        except (ValueError, OverflowError, OSError):
+            return
+        if not 0 <= there_s < _LAST_S:
             return
         self._heard.append((self._elapsed(), there_s - self._now_ns() / 1e9, sink))
 

@@ -70,7 +70,6 @@ class Files:
         self.state = FilesState()
         if self._section.files and self._section.reports is not None:
             remove_left(self._section.reports)
-            self._bound()
 
     @property
     def running(self) -> bool:

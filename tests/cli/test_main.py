@@ -152,3 +152,29 @@ def test_an_error_of_the_system_says_where_it_was_met(tmp_path, monkeypatch, cap
             for_people(work)
         said = capsys.readouterr().err
         assert end.value.code == code and said.count("\n") == 1 and all(word in said for word in words), said
+
+
+FULL = """
+import sys
+from pathlib import Path
+from acqd.cli.main import for_people
+
+def bill(config=Path("config.toml"), state=Path("state.json")):
+    print("12 kWh")
+
+def write(config=Path("config.toml"), out=Path("/dev/full")):
+    out.write_bytes(b"x" * 20_000)
+
+for_people({"bill": bill, "write": write}[sys.argv[1]])
+"""
+
+
+@pytest.mark.parametrize(
+    ("step", "out", "words"),
+    [("bill", "/dev/full", "standard output: No space left"), ("write", "/dev/null", "/dev/full: No space left")],
+)
+def test_a_full_disk_is_named_by_the_file_that_was_written(step, out, words):
+    with open(out, "w") as file:
+        done = subprocess.run([sys.executable, "-c", FULL, step], stdout=file, stderr=subprocess.PIPE, text=True,
+                              env=os.environ | {"PYTHONUNBUFFERED": ""}, check=False)  # fmt: skip
+    assert done.returncode == 2 and done.stderr.count("\n") == 1 and words in done.stderr, done.stderr

@@ -176,6 +176,7 @@ def test_no_source_at_all_ends_the_daemon(tmp_path):
         (ONE + '[[source]]\ndevice = "b"\nkind = "ads"\n', "source 2: source.host is missing"),
         (ONE + '[[source]]\ndevice = "b"\nkind = "radio"\n', "source 2: source.kind: 'radio' is unknown"),
         ("source = [1]\n", "source 1"),
+        (ONE * 65, "sources: expected at most 64 items, not 65"),
         (ONE + "[source]\nphases = 1\n", "several sources are all written as [[source]]"),
         (ONE + "correction = { igain = [1.0] }\n", "did you mean source.correction.i_gain"),
         ("[[boxes]]\ndevice = 'a'\n", "written as [[source]]"),

@@ -72,6 +72,8 @@ def test_the_history_says_from_when_until_when_and_who(tmp_path):
         ("hall/spool", "01:30", "01:40", ""), ("cell/residual", "01:20", "", ""),
         ("cell/residual", "00:00", "01:20", "Ada"),
     ]  # fmt: skip
+    told(book.raise_("hall/clock", "wrong", (now_s + 110) * 10**9), 110)
+    assert read_history(path)[0]["key"] == "hall/clock"
     for k in range(6):
         told(book.raise_(f"d{k}/disk", "full", (now_s + 200 + k) * 10**9), 200 + k)
     assert path.read_bytes().count(b"\n") < 8 and read_history(path)[0]["key"] == "d5/disk"

@@ -17,7 +17,7 @@ from acqd.plant.inventory import inventory
 from acqd.plant.month import month_page, month_range, read_month
 from acqd.plant.page import plant_page
 from acqd.plant.plant import read_plant
-from acqd.plant.remembered import remember
+from acqd.plant.remembered import file_of, remember
 from acqd.storage.database import open_database, read_database, transaction
 from acqd.storage.schema import power_15min
 from tests.browser import chromium, looks, serious_findings
@@ -298,14 +298,39 @@ def test_what_goes_offline_keeps_host_version_and_devices(tmp_path):
     assert "rows" not in file.read_text()  # names only
 
 
-@pytest.mark.parametrize("gone", ["hall-old", "cell-1"])
-def test_devices_belong_to_the_daemon_that_is_online(tmp_path, gone):
-    """A daemon gets a new name, or a box is now metered by another one: the old name stays on the broker, offline."""
-    boxes = {"cell-1": {}, "cell-2": {}}
-    remember(heard_of(status(gone, boxes=boxes)), tmp_path / "plant.json")
-    heard = heard_of((f"acqd/{gone}/status", b"offline"), status("hall-new", boxes=boxes))
+@pytest.mark.parametrize("old", ["hall-old", "cell-1"])
+def test_a_device_is_that_of_the_daemon_that_is_online(tmp_path, old):
+    file, cells = tmp_path / "plant.json", {"cell-1": {}, "cell-2": {}}
+    remember(heard_of(status(old, meters=cells)), file)
+    gone = (f"acqd/{old}/status", b"offline")
+    for messages in ([gone, status("hall", meters=cells)], [status("hall", meters=cells), gone]):
+        heard = heard_of(*messages)
+        remember(heard, file)
+        assert heard.daemon_of("cell-1") == heard.daemon_of("cell-2") == "hall"
+    alone = heard_of(gone)
+    remember(alone, file)
+    assert alone.daemon_of("cell-1") == alone.daemon_of("cell-2") == old
+
+
+def test_a_user_without_a_home_has_no_memory(monkeypatch, tmp_path):
+    monkeypatch.delenv("XDG_STATE_HOME")
+    monkeypatch.setattr("acqd.plant.remembered.Path.home", lambda: (_ for _ in ()).throw(RuntimeError))
+    assert file_of("b:1883") is None
+    remember(heard_of(("acqd/hall/status", b"offline")), None)
+    monkeypatch.setenv("STATE_DIRECTORY", str(tmp_path))
+    assert file_of("b:1883") == tmp_path / "plant-b-1883.json"
+
+
+def test_a_status_of_any_depth_is_remembered_to_the_meters_of_a_box(tmp_path):
+    deep = '{"boxes":{"a":' * 500 + "{}" + "}}" * 500
+    heard = heard_of(("acqd/hall/status", deep.replace("{", '{"version":"2","name":[' + "[" * 9 + "]" * 9 + "],", 1)))
     remember(heard, tmp_path / "plant.json")
-    assert heard.daemon_of("cell-1") == heard.daemon_of("cell-2") == "hall-new"
+    assert json.loads((tmp_path / "plant.json").read_bytes())["daemons"]["hall"]["boxes"] == {"a": {"boxes": {"a": {}}}}
+    (tmp_path / "plant.json").write_text('{"daemons": {"hall": ' + deep + "}}")
+    for _ in range(2):
+        heard = heard_of(("acqd/hall/status", b"offline"))
+        remember(heard, tmp_path / "plant.json")
+        assert heard.daemon_of("a") == "hall"
 
 
 @pytest.mark.parametrize("content", [b"", b"[]", b'{"daemons": 3}', b'{"daemons": {"hall": 4}}'])

@@ -167,6 +167,25 @@ def test_rows_that_the_database_drops_without_an_error_have_no_receipt(database,
     assert writer.write(sent).rows == 3
 
 
+@pytest.mark.parametrize("index", ["", "CREATE UNIQUE INDEX ON part (device, channel, boot, seq)"])
+def test_rows_that_a_trigger_puts_into_a_part_of_the_table_are_stored_once(postgres, index):
+    engine = open_database(postgres)
+    writer, sent = Writer(engine), [message(row(k)) for k in range(4)]
+    writer.write(sent[:1])
+    with engine.begin() as connection:
+        for statement in (
+            "CREATE TABLE part () INHERITS (power)",
+            "CREATE FUNCTION d() RETURNS trigger LANGUAGE plpgsql AS"
+            " 'BEGIN INSERT INTO part VALUES (NEW.*); RETURN NULL; END'",
+            "CREATE TRIGGER d BEFORE INSERT ON power FOR EACH ROW EXECUTE FUNCTION d()",
+            *filter(None, [index]),
+        ):
+            connection.exec_driver_sql(statement)
+    for batch in (sent[1:3], sent[1:3], [*sent, sent[3]]):  # new; sent again; some are new, one comes twice
+        assert writer.write(batch).rows == len(batch)
+    assert count(engine) == 4
+
+
 def test_a_mark_that_somebody_has_written_over_is_not_counted_on(tmp_path):
     engine = open_database(str(tmp_path / "a.sqlite"))
     Writer(engine).write([message(row(0))])

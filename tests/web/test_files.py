@@ -147,9 +147,11 @@ def test_results_are_bounded_by_number_and_size_the_oldest_first(tmp_path):
 
 def test_a_visit_removes_the_oldest_result_and_says_so(tmp_path):
     (tmp_path / "files-20200101T000000Z" / "dataset").mkdir(parents=True)
+    (tmp_path / "files-20200102T000000Z" / "dataset").mkdir(parents=True)
     files = Files(settings_of(tmp_path, files_kept=1))
+    assert len(list(tmp_path.iterdir())) == 2, "a start removes nothing: the bound may be new"
     state = worked(files, Commands(), ("a.csv", LOG), ("rows.csv", ROWS))
-    assert (state["state"], state["removed"]) == ("done", 1)
+    assert (state["state"], state["removed"]) == ("done", 2)
     assert [path.name for path in tmp_path.iterdir()] == [state["folder"]]
 
 

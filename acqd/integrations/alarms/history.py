@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import logging
+import os
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import orjson
 
@@ -38,8 +39,8 @@ class History:
         line = {"time": rfc3339(now_ns, 3), "event": told.event, "key": alarm.key, "since": alarm.since,
                 "text": alarm.text, "by": alarm.acknowledged_by}  # fmt: skip
         try:
-            with self._path.open("ab") as file:
-                file.write(orjson.dumps(line) + b"\n")
+            with self._path.open("ab+") as file:
+                file.write(_line_end(file) + orjson.dumps(line) + b"\n")
             self._shorten()
         except (OSError, OperationError) as error:
             _log.error("%s: the history of alarms cannot be written (%s)", self._path, error)
@@ -52,6 +53,14 @@ class History:
             kept = self._path.read_bytes().splitlines(keepends=True)[-self._most :]
             write_complete(self._path, b"".join(kept))
             self._lines = len(kept)
+
+
+def _line_end(file: BinaryIO) -> bytes:
+    """What ends the last line of the file, which a power cut may have torn."""
+    if not file.seek(0, os.SEEK_END):
+        return b""
+    file.seek(-1, os.SEEK_END)
+    return b"" if file.read(1) == b"\n" else b"\n"
 
 
 def read_history(path: Path) -> list[dict[str, Any]]:

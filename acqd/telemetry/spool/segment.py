@@ -46,6 +46,8 @@ _FIRST_RECORD = 256
 SUFFIX, KEPT, DAMAGED = ".seg", ".kept", ".damaged"
 """Rows that wait; rows that are stored, kept for a sink whose database was restored; what cannot be read."""
 _NAME = re.compile(r"([0-9]{16,19})\.(?:seg|kept|damaged)")
+_MOST_NUMBER = 10**19 - 10**9
+"""Segments have smaller numbers. A foreign file of nines would make the next number too long for `_NAME`."""
 _MOST_BYTES = 64 << 20
 """No spool writes a longer file; what somebody else has put there is not read into memory."""
 
@@ -53,7 +55,7 @@ _MOST_BYTES = 64 << 20
 def number_of(path: Path) -> int | None:
     """Number of the segment in a file; None for a file that no spool has written."""
     named = _NAME.fullmatch(path.name)
-    return int(named[1]) if named else None
+    return int(named[1]) if named and int(named[1]) < _MOST_NUMBER else None
 
 
 class Segment:

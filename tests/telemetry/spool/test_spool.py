@@ -263,7 +263,10 @@ def test_a_start_waits_for_files_that_cannot_be_read_and_meters_without_them_if_
     assert not again.reading_trouble
 
 
-@pytest.mark.parametrize("name", ["0000000000000001 (copy).seg", "x.seg", "1.seg", "00000000000000001.seg", "dir"])
+FOREIGN = ["0000000000000001 (copy).seg", "x.seg", "1.seg", "00000000000000001.seg", f"{'9' * 19}.seg", "dir"]
+
+
+@pytest.mark.parametrize("name", FOREIGN)
 def test_foreign_files_in_the_folder_stop_nothing_and_stay(tmp_path, name):
     spool = Spool(tmp_path)
     spool.append(window(0))
@@ -276,7 +279,7 @@ def test_foreign_files_in_the_folder_stop_nothing_and_stay(tmp_path, name):
     for k in range(1, 9):
         again.append(window(k, 5000))
     again.close()
-    assert foreign.exists()
+    assert foreign.exists() and len(Spool(tmp_path)) == len(again) > len(window(0))
 
 
 def pipe(path):
