@@ -80,7 +80,8 @@ class MqttSection(Section):
         for service, user in self.users.items():
             if own and user.password is None and user.password_file is None and user.username != self.username:
                 raise ValueError(
-                    f"{service}.username is set without {service}.password_file: the password of [mqtt] is another's"
+                    f"{service}.username is set without {service}.password_file; the password of [mqtt] is another's: "
+                    f"give {service} a password_file, or delete its username"
                 )
         return self
 

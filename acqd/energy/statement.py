@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from datetime import time
+from datetime import datetime, time
 from zoneinfo import ZoneInfo
 
 import sqlalchemy as sa
@@ -69,7 +69,12 @@ def statement_of(
     months = boundaries(chosen, "month", zone)
     accounts = [read_account(engine, name, cuts, tariff, months) for name in names]
     if not accounts:
-        raise UserError("no device has rows in this period; choose another --from and --to, or --last")
+        begin, end = (
+            datetime.fromtimestamp(each, zone).strftime("%Y-%m-%d %H:%M") for each in (chosen.begin, chosen.end)
+        )
+        raise UserError(
+            f"no device has rows from {begin} to {end}: choose another period by --from and --to, or --last"
+        )
     periods = [sum_of(together) for together in zip(*(account.periods for account in accounts), strict=True)]
     total = sum_of([account.total for account in accounts]) if len(accounts) > 1 else accounts[0].total
     if len(accounts) == 1:

@@ -102,5 +102,5 @@ async def _listen(address: BrokerAddress) -> Heard:
         if is_refusal(str(error)):
             raise refusal(address, str(error)) from None
         raise UserError(
-            f"broker {address} does not answer: {without_number(error)}; check host and port, or use --no-broker"
+            f"broker {address} does not answer: {without_number(error)}; check host and port; is the broker up?"
         ) from None

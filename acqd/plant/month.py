@@ -80,7 +80,7 @@ def month_range(text: str | None, now: float, zone: ZoneInfo) -> tuple[Range, Ra
     """
     if text is None:
         return last_range("month", now, zone)
-    if not re.fullmatch(r"\d{4}-\d\d", text):
+    if not re.fullmatch(r"\d{4}-(0[1-9]|1[0-2])", text):
         raise UserError(f"--month {text!r}: expected a month like 2026-10")
     chosen = current("month", parse_moment("--month", f"{text}-01", zone), zone)
     if chosen.begin > now:

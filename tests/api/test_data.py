@@ -90,9 +90,9 @@ def test_a_prediction_of_arrays_equals_that_of_the_log(folder):
 
 
 def test_a_loop_that_cannot_be_closed_is_named(folder):
-    with pytest.raises(acqd.InputError, match="is not a bundle"):
+    with pytest.raises(acqd.InputError, match="no such folder; acqd train writes bundles"):
         acqd.close_loop("now", "nowhere", "loop")
-    with pytest.raises(acqd.UserError, match="is not a dataset"):
+    with pytest.raises(acqd.UserError, match="no such folder; acqd dataset build makes a dataset"):
         acqd.close_loop("nowhere", "model", "loop")
     with pytest.raises(acqd.UserError, match="not an earlier report"):
         acqd.close_loop("now", "model", "logs")

@@ -71,7 +71,7 @@ def test_another_robot_step_or_power_is_refused(grown, tmp_path):
         build_from(logs, ds, append=True, robot="ur10e")
     with pytest.raises(UserError, match=r"has rows of 0.04 s, not of 0.1 s"):
         build_from(logs, ds, append=True, step_s=0.1)
-    with pytest.raises(UserError, match="is not a dataset"):
+    with pytest.raises(UserError, match="no such folder; acqd dataset build makes a dataset"):
         build_from(logs, tmp_path / "nowhere", append=True)
     assert content(ds) == files
 

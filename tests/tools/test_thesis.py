@@ -48,7 +48,7 @@ def test_a_step_that_fails_says_so_and_the_next_run_goes_on(tmp_path):
     bad = Step("bad", (tmp_path / "other",), (("acqd", "dataset", "show", str(tmp_path / "none")),))
     idle = Step("idle", (tmp_path / "never",), (("timeit", "-n1", "-r1", "pass"),))
     console = Console(quiet=True)
-    with pytest.raises(OperationError, match="is not a dataset"):
+    with pytest.raises(OperationError, match="no such folder; acqd dataset build makes a dataset"):
         run([good, bad], tmp_path, console)
     with pytest.raises(OperationError, match="never was not made"):
         run([good, idle], tmp_path, console)

@@ -96,7 +96,9 @@ def train(
     """
     require("acqd train", ("pyarrow", "safetensors", "scipy"), "data,predict")
     if (network is None) != table_7_1:
-        raise UserError("name one --network, or ask for --table-7-1")
+        raise UserError(
+            "which model? --network grey-box learns from minutes of recordings; --table-7-1: all networks of the thesis"
+        )
     if out is not None and (table_7_1 or len(seed or []) > 1):
         raise UserError("--out is the folder of one bundle; several models need --models")
     from acqd.models.config import GREY_BOX, HYBRID, TrainConfig

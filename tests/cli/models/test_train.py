@@ -13,7 +13,7 @@ from tests.commands import acqd, acqd_here, without_workers
     ("arguments", "expected"),
     [
         (("train", "{ds}", "--network", "22x1dim"), "no network '22x1dim'"),
-        (("train", "{ds}"), "name one --network"),
+        (("train", "{ds}"), "which model? --network grey-box"),
         (("train", "{ds}", "--network", "grey-box", "--on", "outer space"), "no trajectories 'outer space'"),
         (("train", "{tmp}", "--network", "grey-box"), "is not a dataset"),
         (("train", "{ds}", "--table-7-1", "--out", "x"), "--out is the folder of one bundle"),
