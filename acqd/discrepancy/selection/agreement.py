@@ -17,8 +17,8 @@ from acqd.discrepancy.selection.ranking import Rows, prior_deviations, ranked
 from acqd.discrepancy.selection.spread import sessions_of
 
 
-def disagreements(rows: Rows, selected: Selected) -> tuple[tuple[str, ...], list[Column]]:
-    """Logs that ask for other parameters of the effect than all logs together, the clearest first, and their columns.
+def disagreements(rows: Rows, selected: Selected) -> tuple[dict[str, float], list[Column]]:
+    """Logs that ask for other parameters of the effect than all logs together, with their evidence, and their columns.
 
     `rows`: with the columns of all selected effects. Nothing with a single log. The difference may be in any of the
     effect's places: a mass on the axis of the flange may be two bodies beside it. It must exceed what wrong columns of
@@ -29,7 +29,7 @@ def disagreements(rows: Rows, selected: Selected) -> tuple[tuple[str, ...], list
     logs = sessions_of(design.parts, in_question=True)
     same = [each for each in design.columns.candidates if each.id == selected.id]
     if len(logs) < 2 or not same:  # what was detected in the residual has no columns of its own
-        return (), []
+        return {}, []
     kinds = kinds_of(design.columns.candidates) * len(logs)
     evidence: dict[str, float] = {}
     columns: list[Column] = []
@@ -42,4 +42,4 @@ def disagreements(rows: Rows, selected: Selected) -> tuple[tuple[str, ...], list
         indices = found[0].candidate.indices
         pairs = zip(indices.tolist(), prior_deviations(design, indices).tolist(), strict=True)
         columns += [Column(index, gate, deviation, varies=selected.key) for index, deviation in pairs]
-    return tuple(sorted(evidence, key=lambda log: -evidence[log])), columns
+    return evidence, columns

@@ -69,6 +69,10 @@ def _grown(state: State, limits: Limits, progress: Callable[[str], None]) -> tup
         if step is None:
             break
         state = replace(state, standing=state.standing or step.standing())
+        varied = _with_varied(state, 0.0 if step.leader is None else step.leader.finding.evidence)
+        if varied is not None:
+            state = varied
+            continue
         if step.leader is None:
             unknown = step.unknown if step.law is not None and step.law.passes else None
             state = replace(state, rows=step.rows, unknown=unknown, table=step.table)
@@ -85,13 +89,30 @@ def _with_effects(state: State, effects: tuple[Selected, ...]) -> State:
     """The base model with effects, and common laws that act on the power of these."""
     base = replace(state.base, design=state.rows.design, regression=state.base.regression.on(state.rows.design.blocks))
     design, common = with_loaded_laws(base.design, base.regression, effects)
-    columns = [column for each in effects for column in each.columns()]
+    keys = {each.key for each in effects}
+    varied = tuple(column for column in state.varied if column.varies in keys)
+    columns = [*(column for each in effects for column in each.columns()), *varied]
     rows = replace(state.rows, design=design, regression=common.with_columns(design.blocks, columns))
-    found = [disagreements(rows, each) for each in effects]
-    effects = tuple(replace(each, disagreeing=logs) for each, (logs, _) in zip(effects, found, strict=True))
-    varied = [column for _, columns in found for column in columns]
-    regression = rows.regression.with_columns(design.blocks, varied) if varied else rows.regression
-    return replace(state, rows=replace(rows, regression=regression), effects=effects)
+    return replace(state, rows=rows, effects=effects, varied=varied)
+
+
+def _with_varied(state: State, beyond: float) -> State | None:
+    """With columns of the logs that ask for other parameters of an effect, by more evidence than `beyond`.
+
+    The difference between logs is a hypothesis like any other: the largest evidence leads. None where nothing is added.
+    """
+    known = {column.varies for column in state.varied}
+    asked = [each for each in state.effects if each.key not in known]
+    found = {each.key: disagreements(state.rows, each) for each in asked}
+    evidence, key = max(((max(logs.values(), default=0.0), key) for key, (logs, _) in found.items()), default=(0.0, ""))
+    if evidence <= beyond:
+        return None
+    logs, columns = found[key]
+    clearest = tuple(sorted(logs, key=lambda log: -logs[log]))
+    effects = tuple(replace(each, disagreeing=clearest) if each.key == key else each for each in state.effects)
+    regression = state.rows.regression.with_columns(state.rows.design.blocks, columns)
+    rows = replace(state.rows, regression=regression)
+    return replace(state, rows=rows, effects=effects, varied=(*state.varied, *columns))
 
 
 def _explained_by_law(doubt: Doubt, limits: Limits) -> float:

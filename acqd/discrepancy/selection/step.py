@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from acqd.discrepancy.regression.design_columns import Candidate
+from acqd.discrepancy.regression.least_squares import Column
 from acqd.discrepancy.regression.onset import Gate
 from acqd.discrepancy.selection.accepted import Hypothesis, Selected, Unknown
 from acqd.discrepancy.selection.detectors.candidates import Detection, detect
@@ -33,6 +34,8 @@ class State:
     gates: tuple[Gate, ...]
     kinds: int
     effects: tuple[Selected, ...] = ()
+    varied: tuple[Column, ...] = ()
+    """Of logs that ask for other parameters of an effect."""
     law: Unknown | None = None
     """A law in the place of names."""
     unknown: Unknown | None = None
