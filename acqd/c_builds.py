@@ -22,7 +22,7 @@ WINDOW_FALLBACK = "metering with numpy takes more than twenty times as long"
 QUALITY_FALLBACK = "power quality and events with numpy take several times as long"
 TICKS_FALLBACK = "MAIN_FAST waits in Python, which costs more of the processor"
 SWITCHING_FALLBACK = "loads that switch are searched with numpy, which takes several times as long"
-RIGID_BODY_FALLBACK = "joint torques are computed with numpy, which takes about ten times as long"
+RIGID_BODY_FALLBACK = "joint torques are computed with numpy, which takes four to eight times as long"
 LSTM_FALLBACK = "train with --compute torch"
 FMU_FALLBACK = "acqd[fmu] brings zig"
 

@@ -11,7 +11,7 @@ from acqd.discrepancy.joints.summary import joint_level
 from acqd.discrepancy.recordings import subject_of
 from acqd.discrepancy.remarks import (
     common_load,
-    disagreements,
+    differing_logs,
     drifted_level,
     not_added,
     stages_of,
@@ -58,7 +58,7 @@ def close_loop(config: CloseConfig, progress: Progress) -> Closed:
     after = quality(improved.errors)
     if after.rmse < floor_W:  # no model can be better than the noise: brakes and supplies act at rest, too
         floor_W, floor_source = after.rmse, "of the residual, which is smaller than what the power varies by at rest"
-    warnings = [*disagreements(selection, improved), *common_load(selection), *drifted_level(selection)]
+    warnings = [*differing_logs(selection, improved), *common_load(selection), *drifted_level(selection)]
     progress("what these recordings can tell", 0.0)
     unexplained = selection.keeping(set())
     ability = Ability.of(unexplained.rows, unexplained.design.columns.in_question)

@@ -32,7 +32,7 @@ def unused_efforts(subject: Subject) -> list[str]:
     return ["the robot has prismatic joints: logged torques and currents are not used"] if unused else []
 
 
-def disagreements(selection: Selection, improved: Improved) -> list[str]:
+def differing_logs(selection: Selection, improved: Improved) -> list[str]:
     """Notes of reported effects that some logs ask other parameters of than all logs together."""
     named = {(each.term.id, each.term.where) for each in improved.named}
     notes = []

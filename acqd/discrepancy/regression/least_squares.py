@@ -37,7 +37,7 @@ class Column:
     owner: str = ""
     """Key of the effect that the column belongs to; "" for the base model."""
     varies: str = ""
-    """Key of the effect whose size the column varies from session to session; "" for none."""
+    """Key of the effect whose size the column varies in one log; "" for none."""
 
 
 class Products(Protocol):

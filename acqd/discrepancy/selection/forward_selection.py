@@ -82,6 +82,8 @@ def _grown(state: State, limits: Limits, progress: Callable[[str], None]) -> tup
             doubt = Doubt(state, step.rows, step.unknown, step.law.passes, step.table)
         rows, effect = step.accepted()
         state = _with_effects(replace(state, rows=rows), (*state.effects, effect))
+    while (varied := _with_varied(state, 0.0)) is not None:  # of the last effect that the user asked for
+        state = varied
     return state, doubt
 
 
@@ -146,5 +148,6 @@ def _settled(state: State) -> State:
         if fit is not None and fit.finding.candidate.label != each.finding.candidate.label:
             state = replace(state, rows=replace(state.rows, design=fit.rows.design))
             moved = selected(fit, each.gate, each.hypothesis, each.table, each.witness)
+            moved = replace(moved, disagreeing=each.disagreeing)
             state = _with_effects(state, tuple(moved if other.key == each.key else other for other in state.effects))
     return state
