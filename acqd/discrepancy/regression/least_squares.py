@@ -6,7 +6,6 @@ All sums are over Gram matrices of blocks; a block without a weight, or outside 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
@@ -38,16 +37,6 @@ class Column:
     """Key of the effect that the column belongs to; "" for the base model."""
     varies: str = ""
     """Key of the effect whose size the column varies in one log; "" for none."""
-
-
-class Products(Protocol):
-    """Products of columns within a block."""
-
-    def take(self, block: int, rows: Indices, columns: Indices, /) -> Floats:
-        """[rows, columns]."""
-
-    def residual_products(self, block: int, columns: Indices, /) -> Floats:
-        """[columns] with the measured residual."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -223,13 +212,11 @@ class Regression:
                 scores[i] += gate[i] * left
         return scores
 
-    def held_out_products(
-        self, competition: Competition, candidates: Indices, gate: Floats, blocks: Indices, gram: Products
+    def products_in(
+        self, competition: Competition, candidates: Indices, gate: Floats, blocks: Indices
     ) -> tuple[Floats, Floats]:
-        """Gram matrix [c, c] of projected candidates and their products [c] with the residual, in held-out blocks.
-
-        `competition`: a fit without those blocks; `gram`: of white rows, or of rows in W.
-        """
+        """Gram matrix [c, c] of projected candidates and their products [c] with the residual, in some blocks."""
+        gram = self.blocks.white
         Q, s = np.zeros_like(competition.schur), np.zeros(len(candidates))
         beta, projection = competition.beta, competition.projection
         for i in blocks.tolist():

@@ -96,7 +96,7 @@ def gains(rows: Rows, gate: Floats, findings: list[Finding]) -> tuple[list[str],
     values = np.zeros((len(findings), len(names)))
     for number, name in enumerate(names):
         blocks = np.array([k for k, part in enumerate(design.parts) if gate[k] and part.recording == name])
-        Q, s = regression.held_out_products(competition, contest.used, gate, blocks, design.blocks.white)
+        Q, s = regression.products_in(competition, contest.used, gate, blocks)
         for k, (finding, columns) in enumerate(zip(findings, contest.positions, strict=True)):
             Qk, sk = part_of(Q, s, columns, finding.candidate)
             theta = finding.coefficients

@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 
 from acqd.discrepancy.regression.gram import Blocks, Gram, upper_triangle
 from acqd.discrepancy.regression.least_squares import Column, Regression
-from acqd.discrepancy.regression.level import UnknownLevel
 from acqd.discrepancy.regression.setup import Comparison, set_up
 from tests.builders import recording
 
@@ -73,24 +72,6 @@ def test_a_fit_without_a_block_knows_nothing_of_that_block(seed, out):
     np.testing.assert_allclose(without.schur, direct.schur, rtol=1e-6)
     np.testing.assert_allclose(without.products, direct.products, rtol=1e-6, atol=1e-6)
     np.testing.assert_allclose(without.beta, direct.beta, rtol=1e-6, atol=1e-6)
-
-
-@given(seed=st.integers(0, 2**32 - 1), block=st.integers(0, BLOCKS - 1), deviation=st.floats(0.01, 100.0))
-@settings(deadline=None, max_examples=30)
-def test_a_random_intercept_is_part_of_the_noise_covariance(seed, block, deviation):
-    _, rows, _ = blocks(np.random.default_rng(seed), 1)
-    rows[:, :, 1] = 1.0
-    whole = np.einsum("bri,brj->bij", rows, rows)
-    fixed = tuple(upper_triangle(each[: FIXED + 1, : FIXED + 1]) for each in whole)
-    gram = Gram(FIXED, fixed, whole[:, :, FIXED + 1 :])
-    taken, own = np.array([0, 2, 3, 5]), rows[block]
-    covariance = np.eye(ROWS) + deviation**2
-    expected = own.T @ np.linalg.solve(covariance, own)
-    level = UnknownLevel(gram, 1, deviation**-2.0)
-    np.testing.assert_allclose(level.take(block, taken, taken), expected[np.ix_(taken, taken)], rtol=1e-6, atol=1e-6)
-    varying = own - own.mean(axis=0)
-    free = UnknownLevel(gram, 1).residual_products(block, taken)
-    np.testing.assert_allclose(free, varying[:, taken].T @ varying[:, FIXED], atol=1e-9)
 
 
 @given(seed=st.integers(0, 2**32 - 1))
