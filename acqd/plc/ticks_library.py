@@ -17,7 +17,7 @@ SWITCH = "ACQD_TICKS"
 
 @functools.cache
 def library_path() -> str | None:
-    """File of the compiled cycles; None, and one line in the log, where there is none, or it is damaged."""
+    """File of the compiled cycles; None, and one line in the log, without a compiler or where the file is damaged."""
     if os.environ.get(SWITCH) == "python":
         return None
     try:

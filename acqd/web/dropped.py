@@ -59,7 +59,7 @@ class Dropped:
     def _free_name(self, given: str) -> str:
         """The last part of a name without signs that mean something to a file system. Raises UserError.
 
-        Readers go by the suffix: it is in small letters, and .csv where there is none.
+        Readers go by the suffix: it is in small letters, and .csv where the name has no suffix.
         """
         name = _UNSAFE.sub("_", re.split(r"[/\\]", given)[-1]).lstrip(".-")[-_MOST_LETTERS:]
         if not name.strip("._-"):
