@@ -87,7 +87,7 @@ class MarksWriter:
             self._refuse(topic, "older than the message before, left out")
 
     def _content(self, payload: bytes) -> tuple[str | None, object]:
-        """The value ("" for nothing, None if the message has no value), and the time, None if the message has no time."""
+        """The value ("" for nothing, None if the message has no value), and its time (None if it has no time)."""
         try:
             text = payload.decode()
         except UnicodeDecodeError:
