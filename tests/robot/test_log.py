@@ -3,7 +3,7 @@
 import numpy as np
 import pyarrow.parquet
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from acqd.errors import InputError
@@ -198,6 +198,7 @@ def test_a_block_of_rows_that_came_late_is_no_other_recording(tmp_path):
 
 @settings(max_examples=40, deadline=None)
 @given(st.lists(st.tuples(st.integers(0, ROWS - 1), st.integers(0, 7), st.floats(width=32)), max_size=6))
+@example([(0, 0, 0.0), (1, 1, np.inf), (2, 0, 0.0), (3, 0, 0.0), (4, 0, 0.0)])
 def test_whatever_is_in_some_cells_the_log_is_read_or_refused(tmp_path_factory, cells):
     time, q = moving()
     values = np.column_stack([time, q])
@@ -209,4 +210,5 @@ def test_whatever_is_in_some_cells_the_log_is_read_or_refused(tmp_path_factory, 
     except InputError as error:
         assert "row" in str(error) or "joint" in str(error) or "reaches" in str(error)
         return
-    assert np.isfinite(log.q).all() and np.ptp(log.time) < 60 and len(log.time) >= ROWS - 4
+    unmeasured = int((~np.isfinite(values[:, 1:])).any(axis=1).sum())  # left out beside one row in a hundred
+    assert np.isfinite(log.q).all() and np.ptp(log.time) < 60 and len(log.time) >= ROWS - 4 - unmeasured
