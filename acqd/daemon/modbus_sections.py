@@ -29,7 +29,7 @@ class _LinkKeys(Section):
     @model_validator(mode="after")
     def _one_link(self) -> _LinkKeys:
         if (self.host is None) == (self.serial_port is None):
-            raise ValueError("give either host (Modbus TCP) or serial_port (Modbus RTU or ASCII)")
+            raise ValueError("give either host (Modbus TCP) or serial_port (Modbus RTU, ASCII)")
         if self.framing == "rtu" and self.host is None:
             raise ValueError('framing = "rtu" belongs to a host; a serial_port has no other unless it says "ascii"')
         if self.databits == 7 and self.framing != "ascii":
