@@ -30,10 +30,12 @@ def probe(
     host: Annotated[str | None, typer.Option(help="Modbus TCP: address of the meter or gateway.")] = None,
     port: Annotated[int, typer.Option(min=1, max=65535)] = 502,
     rtu: Annotated[bool, typer.Option("--rtu", help="With --host: a gateway that passes RTU frames on.")] = False,
-    serial_port: Annotated[str | None, typer.Option(help="Modbus RTU: /dev/ttyUSB0.")] = None,
+    ascii_: Annotated[bool, typer.Option("--ascii", help="Modbus ASCII, of the serial line or of a gateway.")] = False,
+    serial_port: Annotated[str | None, typer.Option(help="Modbus RTU or ASCII: /dev/ttyUSB0.")] = None,
     baudrate: Annotated[int, typer.Option(min=300)] = 9600,
     parity: Annotated[str, typer.Option(help="N, E or O.")] = "N",
     stopbits: Annotated[int, typer.Option(min=1, max=2)] = 1,
+    databits: Annotated[int, typer.Option(min=7, max=8, help="7: with --ascii.")] = 8,
     units: Annotated[str, typer.Option(help="Unit ids: 1, 1-10 or 1,5,7.")] = "1",
     nominal_voltage: Annotated[float, typer.Option(min=1.0, help="Expected line-to-neutral voltage in V.")] = 230.0,
     timeout: Annotated[float, typer.Option(min=0.02, help="Seconds an answer may take.")] = 0.3,
@@ -48,10 +50,15 @@ def probe(
         raise UserError("modbus probe: give either --host or --serial-port")
     if parity not in ("N", "E", "O"):
         raise UserError(f"--parity {parity!r}: expected N, E or O")
+    if rtu and ascii_:
+        raise UserError("modbus probe: give either --rtu or --ascii")
+    if databits == 7 and not ascii_:
+        raise UserError("--databits 7 needs --ascii: bytes of RTU have 8")
     numbers = _units(units)
     link = device_module("modbus").ModbusLink(
-        host, port, serial_port, baudrate, parity, stopbits, timeout, "rtu" if rtu else "tcp"
-    )
+        host, port, serial_port, baudrate, parity, stopbits, timeout, "ascii" if ascii_ else "rtu" if rtu else "tcp",
+        databits=databits,
+    )  # fmt: skip
     console = Console(stderr=True)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
         bar = progress.add_task(f"asking {link}", total=len(numbers))

@@ -73,6 +73,12 @@ def replay(
     bands: Annotated[
         bool, typer.Option("--bands", help="With --quality: bands of 200 Hz and 1 kHz from 2 to 9 kHz.")
     ] = False,
+    signalling_hz: Annotated[
+        float | None, typer.Option(min=110, max=2450, help="With --quality: carrier of mains signalling in Hz (V_ms).")
+    ] = None,
+    signalling_threshold: Annotated[
+        float | None, typer.Option(min=0.3, max=15, help="% of the nominal voltage: V_ms above it is a telegram.")
+    ] = None,
     events: Annotated[Path | None, typer.Option(help="Write dips, swells, interruptions as JSON lines.")] = None,
     declared_voltage: Annotated[
         str | None, typer.Option(help="100 % of the events: V, or sliding (it follows the voltage).")
@@ -140,7 +146,10 @@ def replay(
     if inspect:
         print_inspected([inspected(load_recording(path, channels), channels)[0] for path in files], json=json)
         return
-    details = _quality_section(quality, harmonic_powers=harmonic_powers, lines=lines, bands=bands)
+    details = _quality_section(
+        quality, harmonic_powers=harmonic_powers, lines=lines, bands=bands, signalling_hz=signalling_hz,
+        signalling_threshold=signalling_threshold,
+    )  # fmt: skip
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # an exception, so that the clean-up runs
     signal.signal(signal.SIGHUP, lambda *_: sys.exit(129))
     settings = Playback(
@@ -225,9 +234,11 @@ def _print(report: PlaybackReport) -> None:
     sys.stdout.flush()
 
 
-def _quality_section(quality: Path | None, **details: bool) -> QualitySection:
+def _quality_section(quality: Path | None, **details: bool | float | None) -> QualitySection:
     """What rows of power quality hold besides the usual. Raises UserError where there are no such rows."""
     for name, wanted in details.items():
         if wanted and quality is None:
             raise UserError(f"--{name.replace('_', '-')} belongs to rows of power quality; give --quality FILE too")
+    if details["signalling_threshold"] is not None and details["signalling_hz"] is None:
+        raise UserError("--signalling-threshold needs --signalling-hz, the carrier")
     return QualitySection.model_validate(details)

@@ -24,7 +24,7 @@ from acqd.metering.quality.detector import EventDetector
 from acqd.metering.quality.flicker import PinstStream
 from acqd.metering.quality.flicker_values import FlickerValues, lamp_of
 from acqd.metering.quality.meter import QualityMeter
-from acqd.metering.quality.quantities import Options
+from acqd.metering.quality.quantities import DEFAULT, Options
 from acqd.metering.quality.reference import Declared
 from acqd.metering.synchrophasor import SynchrophasorMeter
 from acqd.storage import schema
@@ -107,11 +107,11 @@ class Instrument:
                 stamp = signal.start_ns + round(index * 1e9 / rate)
                 yield SampleBlock(codes[k : k + size], index, stamp, flags=_SIMULATED)
 
-    def read(self, signal: Signal, *parts: Part, signalling_Hz: float | None = None) -> Readings:
+    def read(self, signal: Signal, *parts: Part, options: Options = DEFAULT) -> Readings:
         """Meter a signal, and read from the database what `parts` of the chain have made of it."""
         self._signals += 1
         boot, waiting = f"signal{self._signals}", list[Received]()
-        for messages in self._messages(signal, boot, parts, signalling_Hz):
+        for messages in self._messages(signal, boot, parts, options):
             waiting += messages
             if len(waiting) >= _BATCH:
                 self._store(waiting)
@@ -141,11 +141,11 @@ class Instrument:
         )
 
     def _messages(
-        self, signal: Signal, boot: str, parts: tuple[Part, ...], signalling_Hz: float | None
+        self, signal: Signal, boot: str, parts: tuple[Part, ...], options: Options
     ) -> Iterator[list[Received]]:
         form, declared = self.terminal.form, self.terminal.declared_voltage
         meter = Meter(form, window=self.terminal.window, nominal_voltage=declared, creep_W=no_load_W(form, declared))
-        quality = QualityMeter(form, declared_voltage=declared, options=Options(signalling_Hz=signalling_Hz))
+        quality = QualityMeter(form, declared_voltage=declared, options=options)
         flicker = FlickerValues(form, declared)
         detector = EventDetector(form, Declared(declared))
         seq = 0

@@ -21,6 +21,7 @@ HARMONIC = Limit(5.0, "% of the value", "IEC 61000-4-7 class I, from 1 % of nomi
 HARMONIC_SMALL = Limit(0.05, "% of Udin", "IEC 61000-4-7 class I, below 1 % of nominal" + _TESTS)
 CURRENT_HARMONIC = Limit(5.0, "% of the value", "IEC 61000-4-7 class I, from 3 % of nominal on" + _TESTS)
 SIGNALLING = Limit(5.0, "% of the value", _DATA_SHEETS + " (3 to 15 % of Udin)")
+RECORDED = Limit(0.0, "intervals too many or missing", "IEC 61000-4-30, 5.10: recorded for a set time")
 PST = Limit(5.0, "%", "IEC 61000-4-15, as the test bench of QWTB's flicker_sim and data sheets quote it")
 AGGREGATION = Limit(1.0, "ms", "IEC 61000-4-30, 4.5: intervals restart at the ten-minute tick; 1 ms is acqd's choice")
 COUNT = Limit(0.0, "events too many or missing", "IEC 61000-4-30, 5.4 and 5.5: definition of the event")

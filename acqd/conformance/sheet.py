@@ -24,6 +24,7 @@ GROUPS: dict[str, Callable[[Instrument], Iterator[Point]]] = {
     "unbalance": quality.unbalances,
     "harmonics": quality.harmonic_orders,
     "signalling": quality.signallings,
+    "lines-and-bands": quality.low_lines_and_bands,
     "aggregation": quality.aggregation,
     "pinst": flicker.pinst,
     "pst-slow": flicker.PstPoints(0),

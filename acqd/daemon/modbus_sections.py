@@ -13,7 +13,7 @@ from acqd.sources.spec import Spec, spec_of
 
 
 class _LinkKeys(Section):
-    """Where a Modbus device is: `host` (TCP) or `serial_port` (RTU)."""
+    """Where a Modbus device is: `host` (TCP) or `serial_port` (RTU, ASCII)."""
 
     host: Annotated[str, Field(min_length=1)] | None = None
     port: Port = 502
@@ -22,15 +22,18 @@ class _LinkKeys(Section):
     parity: Literal["N", "E", "O"] = "N"
     stopbits: Literal[1, 2] = 1
     timeout_s: Annotated[float, Field(ge=0.02, le=10)] = 0.3
-    framing: Literal["tcp", "rtu"] = "tcp"
+    framing: Literal["tcp", "rtu", "ascii"] = "tcp"
     echo: bool = False
+    databits: Literal[7, 8] = 8
 
     @model_validator(mode="after")
     def _one_link(self) -> _LinkKeys:
         if (self.host is None) == (self.serial_port is None):
-            raise ValueError("give either host (Modbus TCP) or serial_port (Modbus RTU)")
+            raise ValueError("give either host (Modbus TCP) or serial_port (Modbus RTU, ASCII)")
         if self.framing == "rtu" and self.host is None:
-            raise ValueError('framing = "rtu" belongs to a host; a serial_port has no other')
+            raise ValueError('framing = "rtu" belongs to a host; a serial_port has no other unless it says "ascii"')
+        if self.databits == 7 and self.framing != "ascii":
+            raise ValueError('databits = 7 needs framing = "ascii": bytes of RTU and TCP have 8')
         return self
 
     def link(self) -> dict[str, Any]:

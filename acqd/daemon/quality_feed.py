@@ -13,6 +13,7 @@ from acqd.metering.quality.flicker_values import FlickerValues
 from acqd.metering.quality.meter import QualityMeter
 from acqd.metering.quality.quantities import OFF_NOMINAL
 from acqd.metering.quality.response import IDEAL, Responses
+from acqd.metering.quality.telegram import SIGNALLING, telegram_only
 from acqd.telemetry.quality_row import QualityRow, from_kind, quality_rows
 
 _log = logging.getLogger(__name__)
@@ -59,9 +60,12 @@ class QualityFeed:
         flicker = self._flicker.feed(block) if self._flicker is not None else ()
         for values in chain(self._meter.feed(block), flicker):
             self._notice(OFF_NOMINAL in values.flags)
-            if values.kind in self._kinds:
-                rows += quality_rows(values, self._device, self._boot(), self._seq)
-                self._seq += 1
+            if values.kind not in self._kinds:
+                if SIGNALLING not in values.flags:
+                    continue
+                values = telegram_only(values)
+            rows += quality_rows(values, self._device, self._boot(), self._seq)
+            self._seq += 1
         return rows
 
     def _notice(self, off_nominal: bool) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from acqd.metering.quality.quantities import Options
 from acqd.metering.quality.response import IDEAL, Responses
@@ -27,9 +27,27 @@ class QualitySection(Section):
     bands: bool = False
     signalling_hz: Annotated[float, Field(ge=110, le=2_450)] | None = None
     """Carrier of mains signalling."""
+    signalling_threshold: Annotated[float, Field(ge=0.3, le=15)] | None = None
+    """% of the declared voltage: 10/12-cycle rows of a recording begin above it, whatever `interval` says."""
+    signalling_s: Annotated[float, Field(ge=1, le=120)] = 120.0
+    """Length of a recording."""
+
+    @model_validator(mode="after")
+    def _carrier(self) -> QualitySection:
+        if self.signalling_threshold is not None and self.signalling_hz is None:
+            raise ValueError("signalling_threshold needs signalling_hz, the carrier")
+        return self
 
     def options(self, responses: Responses = IDEAL) -> Options:
         """What is measured of each interval, behind transformers of these responses."""
+        threshold = self.signalling_threshold
         return Options(
-            self.interharmonic_groups, self.signalling_hz, self.harmonic_powers, self.lines, self.bands, responses
+            interharmonic_groups=self.interharmonic_groups,
+            signalling_Hz=self.signalling_hz,
+            signalling_threshold=None if threshold is None else threshold / 100,
+            signalling_s=self.signalling_s,
+            harmonic_powers=self.harmonic_powers,
+            lines=self.lines,
+            bands=self.bands,
+            responses=responses,
         )

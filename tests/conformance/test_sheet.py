@@ -20,7 +20,18 @@ def instrument():
 
 
 @pytest.mark.parametrize(
-    "group", ["states", "magnitude", "unbalance", "harmonics", "signalling", "aggregation", "dips", "interruptions"]
+    "group",
+    [
+        "states",
+        "magnitude",
+        "unbalance",
+        "harmonics",
+        "signalling",
+        "lines-and-bands",
+        "aggregation",
+        "dips",
+        "interruptions",
+    ],
 )
 def test_every_point_of_power_quality_is_within_class_a(instrument, group):
     points = points_of(instrument, group)

@@ -99,7 +99,7 @@ MISTAKES = {
     "[source]\nkind = 'ethercat'\ninterface = 'e'\noversampling = 21\n": "source.oversampling",
     "[source]\nkind = 'ethercat'\ninterfaces = 'e'\n": "source.interface",
     "[source]\nkind = 'ads'\nhost = 'h'\nams_net_id = '1.2.3'\n": "source.ams_net_id",
-    "[source]\nkind = 'modbus'\n": "either host (Modbus TCP) or serial_port (Modbus RTU)",
+    "[source]\nkind = 'modbus'\n": "either host (Modbus TCP) or serial_port (Modbus RTU, ASCII)",
     "[source]\nkind = 'sampled-values'\ninterface = 'e'\nchannels = [1, 2, 3]\n": "channels",
     "[source]\nkind = 'meters'\nhost = 'h'\nmeters = []\n": "source.meters",
     "[source]\nkind = 'meters'\nhost = 'h'\n[[source.meters]]\nname = 'm'\n": "source.meters.0.profile is missing",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from acqd.daemon.config import Config
 from acqd.daemon.feeds import feed_of
@@ -31,6 +32,36 @@ def test_rows_from_the_configured_aggregation_on_are_numbered_without_a_hole(int
     assert {(row.device, row.boot) for row in rows} == {("cell1", "boot1")}
     numbers = sorted({row.seq for row in rows})
     assert numbers == list(range(len(numbers)))
+
+
+@pytest.mark.parametrize("interval", ["10/12", "10min"])
+def test_a_telegram_is_recorded_from_its_begin_for_the_time_that_is_set(interval):
+    """A dip, whose edges have lines at the carrier, begins no recording; the pause within a telegram ends none."""
+    section = QualitySection(
+        enabled=True, interval=interval, signalling_hz=316.67, signalling_threshold=0.5, signalling_s=1.4
+    )
+    feed = QualityFeed(section, "cell1", 230.0, lambda: "boot1")
+    feed.open(StreamFormat(RATE, (1.0,) * 6, bits=64))
+    t = np.arange(int(5 * RATE)) / RATE
+    x = three_phases(2 * np.pi * 50 * t)
+    x[:, 0::2] *= np.where((t > 1.03) & (t < 1.33), 0.4, 1.0)[:, None]
+    keyed = ((t >= 2.1) & (t < 2.5)) | ((t >= 2.9) & (t < 3.3))
+    x[:, 2] += 0.02 * 325 * np.cos(2 * np.pi * 316.67 * t) * keyed  # one phase suffices
+    rows = [row for row in feed.take(SampleBlock(x, 0, T0)) if row.aggregation == "10/12"]
+    recorded = [row for row in rows if "signalling" in row.flags and row.channel == "L2"]
+    assert [round((row.filetime - recorded[0].filetime) / 2e6) for row in recorded] == list(range(7))
+    assert 2.1 - 0.2 < (recorded[0].filetime * 100 - rows[0].filetime * 100) / 1e9 + (interval == "10min") * 2.0 < 2.1
+    assert max(row.V_ms for row in recorded) == pytest.approx(4.6, rel=0.05)
+    assert min(row.V_ms for row in recorded) < 0.1  # the pause
+    if interval == "10min":
+        assert len(rows) == 3 * 7 and all(row.Vrms and row.V_h is None for row in rows)
+    else:
+        assert all(row.V_h for row in rows if row.channel == "L2")
+
+
+def test_a_threshold_needs_a_carrier():
+    with pytest.raises(ValidationError, match="needs signalling_hz"):
+        QualitySection(enabled=True, signalling_threshold=0.5)
 
 
 def test_meters_without_samples_are_said_to_have_no_power_quality(caplog):

@@ -14,11 +14,17 @@ from acqd.conformance.instrument import Instrument
 from acqd.conformance.point import Point, judged
 from acqd.conformance.points.states import BETWEEN, STATES
 from acqd.conformance.signal import START_NS, Mains, Signal, balanced
+from acqd.metering.quality.bands import LINES, BROAD_Hz, LOWEST_Hz, NARROW_Hz
+from acqd.metering.quality.quantities import Options
+from acqd.metering.quality.telegram import SIGNALLING
 
 STANDARD = "IEC 62586-2 / IEC 61000-4-30, class A"
 _PHASES = ("L1", "L2", "L3")
 _STEADY_S = 1.6
 _TEN_S = 10.5
+_INTERVAL_S = 0.2
+"""Of 10 or 12 cycles."""
+_LINES, _BANDS = "IEC 61000-4-7, lines of 5 Hz", "IEC 61000-4-7 annex B, bands from 2 to 9 kHz"
 
 
 def frequency(instrument: Instrument) -> Iterator[Point]:
@@ -126,9 +132,61 @@ def signallings(instrument: Instrument) -> Iterator[Point]:
     for carrier, share in ((316.67, 0.03), (316.67, 0.15), (1060.0, 0.05)):
         mains = Mains(float(terminal.f_nominal), balanced(U), tones={carrier: share * U})
         signal = Signal(f"Udin, {100 * share:g} % at {carrier:g} Hz", mains, 1.0)
-        readings = instrument.read(signal, "quality", signalling_Hz=carrier)
+        readings = instrument.read(signal, "quality", options=Options(signalling_Hz=carrier))
         off = [100 * (readings.of("10/12", "V_ms", name) / (share * U) - 1) for name in _PHASES]
         yield judged(STANDARD, "mains signalling", signal.text, "V_ms", limits.SIGNALLING, off)
+    yield from _telegram(instrument)
+
+
+def _telegram(instrument: Instrument) -> Iterator[Point]:
+    """A telegram is recorded from the interval on that it begins in, for the time that is set, and nothing before."""
+    terminal = instrument.terminal
+    U, carrier, begins, lasts = terminal.declared_voltage, 316.67, 1.1, 1.6
+    mains = Mains(float(terminal.f_nominal), balanced(U), tones={carrier: 0.01 * U})
+    plain = Mains(float(terminal.f_nominal), balanced(U))
+
+    def keyed(t: Floats) -> Floats:
+        return np.where(((t >= begins) & (t < begins + 0.5))[:, None], mains(t), plain(t))
+
+    signal = Signal(f"Udin, 1 % at {carrier:g} Hz for 0.5 s from {begins:g} s on", keyed, 4.0)
+    options = Options(signalling_Hz=carrier, signalling_threshold=0.003, signalling_s=lasts)
+    rows = instrument.read(signal, "quality", options=options).aggregated("10/12", "L1")
+    starts = (_utc_ns(rows) - START_NS) * 1e-9
+    recorded = np.array([SIGNALLING in row["flags"] for row in rows])
+    wanted = (starts > begins - _INTERVAL_S) & (starts < begins - _INTERVAL_S + lasts)
+    off = (recorded != wanted).astype(np.float64).sum()
+    yield judged(STANDARD, "mains signalling", signal.text, "recorded intervals", limits.RECORDED, [off])
+
+
+def low_lines_and_bands(instrument: Instrument) -> Iterator[Point]:
+    """Lines of 5 Hz up to 100 Hz, and bands of 200 Hz and 1 kHz from 2 kHz on, as far as the sampling rate reaches."""
+    terminal = instrument.terminal
+    nominal, U, size = float(terminal.f_nominal), terminal.declared_voltage, 0.02 * terminal.declared_voltage
+    for f in (5.0, 35.0, 95.0):
+        signal = Signal(f"Udin, 2 % at {f:g} Hz", Mains(nominal, balanced(U), tones={f: size}), _STEADY_S)
+        readings = instrument.read(signal, "quality", options=Options(lines=True))
+        expected = np.zeros(LINES)
+        expected[round(f / 5)], expected[round(nominal / 5)] = size, U
+        known = expected > 0
+        found = [readings.of("10/12", "V_lines", phase) for phase in _PHASES]
+        off = [100 * (one[:, known] / expected[known] - 1) for one in found]
+        yield judged(_LINES, "lines of 5 Hz", signal.text, "V_lines", limits.HARMONIC, off)
+        off = [100 * one[:, ~known] / U for one in found]
+        yield judged(_LINES, "lines of 5 Hz", signal.text, "all other lines", limits.HARMONIC_SMALL, off)
+    reaches = 0.4 * terminal.rate
+    for f in (2_105.0, 4_900.0, 7_310.0, 8_950.0):
+        upper = LOWEST_Hz + BROAD_Hz * (1 + (f - LOWEST_Hz) // BROAD_Hz)
+        if upper > reaches:
+            continue
+        signal = Signal(f"Udin, 2 % at {f:g} Hz", Mains(nominal, balanced(U), tones={f: size}), _STEADY_S)
+        readings = instrument.read(signal, "quality", options=Options(bands=True))
+        for name, width in (("V_bands", NARROW_Hz), ("V_bands_1k", BROAD_Hz)):
+            band = int((f - LOWEST_Hz) // width)
+            found = [readings.of("10/12", name, phase) for phase in _PHASES]
+            off = [100 * (one[:, band] / size - 1) for one in found]
+            yield judged(_BANDS, "bands", signal.text, name, limits.HARMONIC, off)
+            off = [100 * np.nan_to_num(np.delete(one, band, axis=1)) / U for one in found]
+            yield judged(_BANDS, "bands", signal.text, f"all other {name}", limits.HARMONIC_SMALL, off)
 
 
 def aggregation(instrument: Instrument) -> Iterator[Point]:

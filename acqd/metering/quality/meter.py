@@ -9,6 +9,7 @@ from acqd.metering.quality.aggregation import Aggregate
 from acqd.metering.quality.event_flags import INTERRUPTION
 from acqd.metering.quality.intervals import FIFTEEN, Interval, IntervalCutter, threshold
 from acqd.metering.quality.quantities import DEFAULT, Options, measure
+from acqd.metering.quality.telegram import TelegramRecorder
 from acqd.metering.quality.ten_seconds import TenSeconds
 from acqd.metering.quality.tick_values import TickValues
 from acqd.metering.quality.values import QualityValues
@@ -25,6 +26,11 @@ class QualityMeter:
         self._fifteen: list[Aggregate] = []  # with the one that the last tick has cut
         self._ticks = TickValues()
         self._frequency = TenSeconds()
+        self._telegrams = (
+            TelegramRecorder(options.signalling_threshold * declared_voltage, options.signalling_s)
+            if options.signalling_threshold is not None
+            else None
+        )
 
     def feed(self, block: SampleBlock) -> Iterator[QualityValues]:
         """Values that `block` completes: "10/12", and the longer ones as they end."""
@@ -32,7 +38,7 @@ class QualityMeter:
             values = measure(interval, self._declared, self._options)
             if not interval.trailing:
                 yield from self._ticks.add(values)
-                yield values
+                yield values if self._telegrams is None else self._telegrams.noted(values)
                 yield from self._frequency.add(values)
             yield from self._cycles(interval, values)
 

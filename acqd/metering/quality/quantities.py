@@ -37,6 +37,10 @@ class Options:
     """All lines between harmonics, besides the centred subgroups."""
     signalling_Hz: float | None = None
     """Carrier of mains signalling."""
+    signalling_threshold: float | None = None
+    """Share of the declared voltage above which the signal is recorded; None: it is only measured."""
+    signalling_s: float = 120.0
+    """How long a recording lasts."""
     harmonic_powers: bool = False
     """Angles of voltage and current and the active power of each harmonic."""
     lines: bool = False

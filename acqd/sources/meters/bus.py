@@ -54,7 +54,11 @@ class MeterBus:
                 silent.append(f"meter {meter.settings.name!r}: {error}")
         if len(silent) == len(self.meters):
             self._close()
-            gateway = "" if self.link.is_serial else '; a gateway that passes RTU frames on needs framing = "rtu"'
+            gateway = (
+                ""
+                if self.link.is_serial
+                else '; a gateway that passes serial frames on needs framing = "rtu" or "ascii"'
+            )
             raise UserError(
                 f"{self.link}: no meter answers ({silent[0]}); check wiring, baud rate, parity and unit ids{gateway}"
             )

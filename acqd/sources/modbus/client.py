@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import socket
+import termios
 import time
 from collections import deque
 from pathlib import Path
@@ -18,7 +19,7 @@ from pymodbus.pdu import ModbusPDU
 from pymodbus.pdu.register_message import ReadHoldingRegistersResponse, ReadInputRegistersResponse
 
 from acqd.errors import UserError
-from acqd.sources.modbus.framing import LenientSocket, Line, ResyncRtu
+from acqd.sources.modbus.framing import LenientSocket, Line, ResyncAscii, ResyncRtu
 from acqd.sources.modbus.settings import ModbusLink
 from acqd.sources.remote_ring import DeviceError
 
@@ -38,7 +39,10 @@ _LONGEST_ANSWER = 5 + 2 * 125  # bytes
 _LATE = 3.0  # times its time-out an answer may take and still be one: the unit is not asked before
 _BITS = 11  # of a character on a serial line
 _LEAST_SILENCE_S = 0.00175  # between two frames, at any baud rate (Modbus over Serial Line, 2.5.1.1)
+_UNUSABLE = (OSError, ValueError, termios.error)
+"""What opening a connection may raise; a name with wrong characters is a UnicodeError, which is a ValueError."""
 _RECENT = 16  # answers that may come once more
+_FRAMERS = {FramerType.SOCKET: LenientSocket, FramerType.RTU: ResyncRtu, FramerType.ASCII: ResyncAscii}
 Read: TypeAlias = tuple[int, int, int]
 """Function code, first register, number of registers."""
 
@@ -78,8 +82,8 @@ def _why_not(link: ModbusLink) -> str:
         if link.host:
             socket.create_connection((link.host, link.port), timeout=link.timeout_s).close()
         else:
-            serial.Serial(link.serial_port).close()
-    except (OSError, UnicodeError) as error:
+            _open(link, link.serial_port or "").close()
+    except _UNUSABLE as error:
         return str(getattr(error, "strerror", None) or error)
     return "it was refused a moment ago"
 
@@ -90,7 +94,7 @@ class ModbusClient:
     def __init__(self, link: ModbusLink, connections: int = 1) -> None:
         """Raises UserError for a serial port that cannot be used."""
         if link.serial_port is not None:
-            _check_serial(link.serial_port)
+            _check_serial(link, link.serial_port)
         self.link = link
         self._line = Line(str(link), link.echo)
         self._late: dict[int, float] = {}  # until when the answer to a request that timed out may still come
@@ -204,7 +208,7 @@ class ModbusClient:
         self._clients = [_make(self.link, self._line) for _ in range(self._connections)]
         try:
             connected = all(await asyncio.gather(*(client.connect() for client in self._clients)))
-        except (OSError, UnicodeError):
+        except _UNUSABLE:
             connected = False
         if not connected:
             raise NoConnectionError(f"no connection ({_why_not(self.link)}); check address, cable and power")
@@ -234,11 +238,12 @@ async def _one(client: Any, unit: int, function: int, address: int, count: int) 
 def _make(link: ModbusLink, line: Line) -> Any:
     client: Any
     # the longest question and answer take their time on a serial line
-    on_line_s = (8 + _LONGEST_ANSWER) * _BITS / link.baudrate if link.is_serial else 0.0
+    on_line_s = link.characters * (8 + _LONGEST_ANSWER) * _BITS / link.baudrate if link.is_serial else 0.0
+    kind = FramerType.ASCII if link.framing == "ascii" else FramerType.RTU if link.is_serial else FramerType.SOCKET
     if link.host:
         client = AsyncModbusTcpClient(
             link.host,
-            framer=FramerType.RTU if link.is_serial else FramerType.SOCKET,
+            framer=kind,
             port=link.port,
             timeout=link.timeout_s + on_line_s,
             retries=0,
@@ -247,30 +252,42 @@ def _make(link: ModbusLink, line: Line) -> Any:
     else:
         client = AsyncModbusSerialClient(
             link.serial_port or "",
-            framer=FramerType.RTU,
+            framer=kind,
             baudrate=link.baudrate,
+            bytesize=link.databits,
             parity=link.parity,
             stopbits=link.stopbits,
             timeout=link.timeout_s + on_line_s,
             retries=0,
             reconnect_delay=0,
         )
-    framer = ResyncRtu if link.is_serial else LenientSocket
-    client.ctx.framer = framer(client.ctx.framer.decoder, line)
+    client.ctx.framer = _FRAMERS[kind](client.ctx.framer.decoder, line)
     client.register(_RawHolding)
     client.register(_RawInput)
     return client
 
 
-def _check_serial(port: str) -> None:
+def _open(link: ModbusLink, port: str) -> serial.Serial:
+    """The port as pymodbus will open it. Raises OSError, ValueError or termios.error."""
+    return serial.Serial(
+        port, link.baudrate, bytesize=link.databits, parity=link.parity, stopbits=link.stopbits, exclusive=True
+    )
+
+
+def _check_serial(link: ModbusLink, port: str) -> None:
     """Say what is wrong with a serial port before pymodbus only says that it cannot connect."""
     if not Path(port).exists():
         raise UserError(f"source.serial_port: there is no {port}; plug the adapter in, or see ls /dev/tty*")
     try:
-        serial.Serial(port, exclusive=True).close()
+        _open(link, port).close()
     except serial.SerialException as error:
         if "lock" in str(error):
             raise UserError(f"source.serial_port: {port} is in use by another program; stop that one") from None
         raise UserError(
             f"source.serial_port: {port} cannot be opened ({error}); add the service's user to the group dialout"
+        ) from None
+    except (termios.error, ValueError):
+        raise UserError(
+            f"source.serial_port: {port} does not take {link.baudrate} Bd {link.databits}{link.parity}{link.stopbits}; "
+            "check baudrate, databits, parity and stopbits, or take another adapter"
         ) from None

@@ -2,7 +2,7 @@
 
 pymodbus takes the first bytes for a frame: a stray byte, an echo of the request or the answer to an earlier request
 makes a meter silent, or gives one register the value of another. These look for what was asked: unit, function, number
-of bytes and, on a serial line, the CRC, at every position.
+of bytes and, on a serial line, the checksum, at every position.
 """
 
 from __future__ import annotations
@@ -13,6 +13,8 @@ from collections import deque
 from dataclasses import dataclass, field
 from typing import Any
 
+from pymodbus.framer.ascii import FramerAscii
+from pymodbus.framer.base import FramerBase
 from pymodbus.framer.rtu import FramerRTU
 from pymodbus.framer.socket import FramerSocket
 from pymodbus.pdu import ModbusPDU
@@ -36,9 +38,9 @@ class Line:
     recent: deque[int] = field(default_factory=lambda: deque(maxlen=_RECENT))
     """Transaction ids of the last requests."""
     pause_s: float = 0.0
-    """RTU: so long after an answer, other answers may come for which nobody has asked."""
+    """Serial: so long after an answer, other answers may come for which nobody has asked."""
     unsettled: bool = False
-    """RTU: such an answer has come, and it is not known for how long others may follow."""
+    """Serial: such an answer has come, and it is not known for how long others may follow."""
     warned: set[str] = field(default_factory=set)
 
     def warn(self, text: str) -> None:
@@ -72,16 +74,18 @@ class _Question:
         return (pdu[0] == self.function and pdu[1] == self.size) or pdu[0] == self.function | _EXCEPTION
 
     def length(self, pdu: bytes) -> int:
-        """Bytes of the answer that begins here, without unit and CRC."""
-        return 2 if pdu[0] & _EXCEPTION else 2 + self.size
+        """Bytes of the answer to a request of this function that begins here; 0 for anything else."""
+        if len(pdu) < 2 or pdu[0] & ~_EXCEPTION != self.function:
+            return 0
+        return 2 if pdu[0] & _EXCEPTION else 2 + pdu[1]
 
 
 def _question(message: ModbusPDU, frame: bytes) -> _Question:
     return _Question(frame, message.function_code, 2 * int(getattr(message, "count", 0)))
 
 
-class ResyncRtu(FramerRTU):
-    """RTU: the answer is where unit, function, number of bytes and CRC are right."""
+class _Resync(FramerBase):
+    """The answer is where unit, function, number of bytes and checksum are right."""
 
     def __init__(self, decoder: Any, line: Line) -> None:
         super().__init__(decoder)
@@ -112,15 +116,12 @@ class ResyncRtu(FramerRTU):
                 self._line.warn("its requests come back (echo of the adapter); they are passed over")
         elif self._line.echo and len(data) >= len(question.frame):
             begin = len(question.frame)
-        for at in range(begin, len(data) - 4):
-            unit, pdu = data[at], data[at + 1 :]
+        for at in range(begin, len(data)):
+            unit, pdu = self._frame(data, at)
             if (exp_devid and unit != exp_devid) or not question.answered_by(pdu):
                 continue
-            end = at + 1 + question.length(pdu)
-            if end + 2 > len(data) or not self.check_CRC(data[at:end], int.from_bytes(data[end : end + 2], "big")):
-                continue
             self._say_what_came_before(data[begin:at], unit)
-            answer = self.decoder.decode(data[at + 1 : end])
+            answer = self.decoder.decode(pdu)
             if answer is not None:
                 self._answered_s = time.monotonic()
                 answer.dev_id, answer.transaction_id = unit, 0
@@ -148,12 +149,42 @@ class ResyncRtu(FramerRTU):
             self._line.warn("stray bytes come before answers; check biasing and termination of the line")
 
     def _holds_an_answer(self, data: bytes, unit: int) -> bool:
-        for at in range(len(data) - 4):
-            end = at + 3 + data[at + 2]
-            whole = data[at] == unit and data[at + 1] == self._question.function and end + 2 <= len(data)
-            if whole and self.check_CRC(data[at:end], int.from_bytes(data[end : end + 2], "big")):
-                return True
-        return False
+        frames = (self._frame(data, at) for at in range(len(data)))
+        return any(who == unit and pdu[:1] == bytes((self._question.function,)) for who, pdu in frames)
+
+    def _frame(self, data: bytes, at: int) -> tuple[int, bytes]:
+        """Unit, and function with data, of the answer to a request like the last one that begins at `at` and is whole;
+        no bytes where none does.
+        """
+        raise NotImplementedError
+
+
+class ResyncRtu(_Resync, FramerRTU):
+    """RTU: a frame has no begin, and its CRC at the end."""
+
+    def _frame(self, data: bytes, at: int) -> tuple[int, bytes]:
+        length = self._question.length(data[at + 1 : at + 3])
+        end = at + 1 + length
+        if not length or end + 2 > len(data):
+            return 0, b""
+        if not self.check_CRC(data[at:end], int.from_bytes(data[end : end + 2], "big")):
+            return 0, b""
+        return data[at], data[at + 1 : end]
+
+
+class ResyncAscii(_Resync, FramerAscii):
+    """ASCII: a frame is `:`, two hexadecimal digits a byte, its LRC, and the end of the line."""
+
+    def _frame(self, data: bytes, at: int) -> tuple[int, bytes]:
+        end = data.find(self.end, at) if data[at : at + 1] == self.START else -1
+        try:
+            unit, *pdu, lrc = bytes.fromhex(data[at + 1 : max(end, 0)].decode("ascii"))
+        except ValueError:  # also: fewer than two
+            return 0, b""
+        whole = bytes(pdu)
+        if len(whole) != self._question.length(whole) or not self.check_LRC(bytes((unit, *pdu)), lrc):
+            return 0, b""
+        return unit, whole
 
 
 class LenientSocket(FramerSocket):

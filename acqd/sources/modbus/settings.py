@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, TypeAlias
+
+Framing: TypeAlias = Literal["tcp", "rtu", "ascii"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -14,21 +16,29 @@ class ModbusLink:
     """TCP; None: serial."""
     port: int = 502
     serial_port: str | None = None
-    """RTU: "/dev/ttyUSB0"."""
+    """RTU or ASCII: "/dev/ttyUSB0"."""
     baudrate: int = 9600
     parity: Literal["N", "E", "O"] = "N"
     stopbits: Literal[1, 2] = 1
     timeout_s: float = 0.3
     """How long an answer may take [s]."""
-    framing: Literal["tcp", "rtu"] = "tcp"
-    """Of a host: "rtu" where a gateway passes the frames of its serial line on as they are."""
+    framing: Framing = "tcp"
+    """Of a host: "rtu" or "ascii" where a gateway passes the frames of its serial line on as they are. Of a serial
+    port: "ascii"; anything else is RTU."""
     echo: bool = False
-    """RTU: the adapter returns every request before the answer. An echo is also recognised without this."""
+    """Serial: the adapter returns every request before the answer. An echo is also recognised without this."""
+    databits: Literal[7, 8] = 8
+    """Of a character on the serial line; 7 for ASCII alone."""
 
     @property
     def is_serial(self) -> bool:
         """Whether frames are those of a serial line: nothing in them names the request that an answer is for."""
-        return self.host is None or self.framing == "rtu"
+        return self.host is None or self.framing != "tcp"
+
+    @property
+    def characters(self) -> int:
+        """That each byte of a frame takes on a serial line."""
+        return 2 if self.framing == "ascii" else 1
 
     def __str__(self) -> str:
         return f"{self.host}:{self.port}" if self.host else f"{self.serial_port} at {self.baudrate} Bd"

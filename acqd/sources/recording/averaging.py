@@ -9,12 +9,18 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import numpy as np
+
 from acqd.errors import InputError
 from acqd.sources.recording.channel import Column, Recording
 from acqd.sources.waveform import ChannelMap
 
 FASTEST = 1e6
 """Samples/s that the meter takes at 50 and 60 Hz."""
+_INTEGERS = {8: np.int16, 16: np.int32}
+"""Bits of codes, and integers that hold the sum of `_MOST` of them."""
+_MOST = 128
+"""Samples whose sums stay integers."""
 
 
 def averaged(recording: Recording, given: ChannelMap, f_nominal: float) -> tuple[Recording, ChannelMap]:
@@ -32,20 +38,28 @@ def averaged(recording: Recording, given: ChannelMap, f_nominal: float) -> tuple
             "times in ms, us or days? Say the unit in the name, like time [ms], or give --rate",
         )
     size = math.ceil(rate / fastest)
-
-    def column(k: int) -> Column:
-        values = recording.column(k).physical()
-        return Column(values[: len(values) // size * size].reshape(-1, size).mean(axis=1))
-
     note = f"{rate:g} samples/s: means of {size} samples are metered, {rate / size:g} per second"
     start = recording.start_utc_ns
     means = replace(
         recording,
         samples=recording.samples // size,
-        column=column,
+        column=lambda k: _means(recording.column(k), size),
         rate=None if recording.rate is None else recording.rate / size,
         start_utc_ns=None if start is None else start + round((size - 1) / 2 / rate * 1e9),
         notes=[*recording.notes, note],
         breaks=[(at // size, max(1, lost // size)) for at, lost in recording.breaks],
     )
     return means, given if given.rate is None else replace(given, rate=given.rate / size)
+
+
+def _means(column: Column, size: int) -> Column:
+    """Of codes: their sums, which are codes as well, with a scale that is smaller; else of values."""
+    values = column.values
+    whole = len(values) // size * size
+    kind = _INTEGERS.get(8 * values.dtype.itemsize) if values.dtype.kind in "iu" and size <= _MOST else None
+    if kind is None:
+        return Column(column.physical()[:whole].reshape(-1, size).mean(axis=1))
+    sums = np.zeros(whole // size, kind)
+    for k in range(size):
+        sums += values[k:whole:size]
+    return Column(sums, column.scale / size, column.offset)

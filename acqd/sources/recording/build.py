@@ -92,6 +92,7 @@ def _codes(recording: Recording, order: list[int]) -> tuple[NDArray[np.int16], l
         if steps is None or not (recording.full_scale or _plausible(column.scale)):
             return None
         scales.append(steps.into(codes[:, place], column.values))
+        del column  # before the next channel is read
     return codes, scales
 
 

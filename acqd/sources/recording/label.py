@@ -81,6 +81,12 @@ class Reading:
     group: str = ""
 
 
+_INPUT = re.compile(
+    r"(?i)(^|[^a-z])((channel|ch|kanal|canal|canale|voie)[ _-]*([a-h]|\d+)|(input|eingang)[ _-]*[a-h])($|[^a-z0-9])"
+)
+"""Of an instrument: `Channel A`, `CH2`, `Input B`."""
+
+
 def readings(name: str) -> list[Reading]:
     """All meanings of a channel's name; none where it says nothing."""
     name = _latin(name)
@@ -94,9 +100,7 @@ def readings(name: str) -> list[Reading]:
     plain = [word for word in words if not (word in _QUANTITY and len(word) > 1)]
     if special := _special(plain, quantity):
         return [special]
-    if name.strip().isdigit() or re.search(
-        r"(?i)(^|[^a-z])(channel|ch|kanal|canal|canale|voie)[ _-]*([a-h]|\d+)($|[^a-z0-9])", name
-    ):
+    if name.strip().isdigit() or _INPUT.search(name):
         return [Reading("unknown", quantity)] if quantity else []  # an input of an instrument is no phase
     core = [word for word in plain if word not in _FILLER]
     found = _designated(core, quantity)
@@ -108,6 +112,12 @@ def readings(name: str) -> list[Reading]:
         return [Reading("phase", _QUANTITY[core[0]] if core else quantity, "123", (1,))]
     bare = next((_QUANTITY[word] for word in core if word in _QUANTITY), quantity)
     return [Reading("unknown", bare)] if bare else []
+
+
+def says_a_quantity_alone(name: str) -> bool:
+    """Whether a name like `U`, `I` or `Voltage` says no phase, where something else does."""
+    core = [word for word in _words(_latin(name)) if word not in _FILLER]
+    return len(core) == 1 and core[0] in _QUANTITY
 
 
 def phase_field(text: str) -> list[Reading]:

@@ -36,7 +36,7 @@ def marks_of(codes: Codes, rate: float, f_nominal: float, scale: Sequence[float]
     units = np.abs(np.array(scale or (1.0,) * codes.shape[1]))
     peaks = np.maximum(codes.max(axis=0).astype(np.float64), -codes.min(axis=0).astype(np.float64)) * units
     for k in range(codes.shape[1]):
-        x = np.ascontiguousarray(codes[:, k])
+        x = _channel(codes, k)
         most, least = float(x.max()), float(x.min())
         for at in _suspects(x, most, least, size):
             part = x[at * size : (at + 1) * size + 8].astype(np.float64)
@@ -57,6 +57,11 @@ def marks_of(codes: Codes, rate: float, f_nominal: float, scale: Sequence[float]
             everywhere.add("offset")
         del x  # before the next channel is copied
     return _joined(flags, everywhere, size, len(codes))
+
+
+def _channel(codes: Codes, k: int) -> np.ndarray:
+    """Samples that lie side by side; of two channels a copy is no faster, and takes half of the memory of all."""
+    return codes[:, k] if codes.shape[1] <= 2 else np.ascontiguousarray(codes[:, k])
 
 
 def _saturated(x: np.ndarray | Floats, size: int) -> Iterator[int]:

@@ -12,7 +12,7 @@ from dataclasses import replace
 from typing import TypeAlias
 
 from acqd.sources.recording.channel import UNKNOWN, Channel, Letter, Role
-from acqd.sources.recording.label import Reading, phase_field, readings
+from acqd.sources.recording.label import Reading, phase_field, readings, says_a_quantity_alone
 from acqd.sources.recording.units import UnknownUnitError, unit_of
 
 _ALONE = ("abc", "123")
@@ -42,6 +42,9 @@ def _candidates(channel: Channel) -> list[Reading]:
         return [Reading("residual", named[0].quantity if named else "")]
     if not field:
         return named
+    if says_a_quantity_alone(channel.name):
+        quantity = UNKNOWN if channel.unit.strip() else named[-1].quantity  # U and V are letters of phases, too
+        return [replace(one, quantity=quantity) for one in field]
     if _contradicts(named, field):
         return [Reading("unknown", next((one.quantity for one in named if one.quantity), UNKNOWN))]
     agreeing = [replace(one, family=other.family) for one in named for other in field if _same(one, other)]

@@ -11,7 +11,7 @@ import numpy as np
 
 from acqd.errors import InputError
 from acqd.sources.recording.channel import Recording
-from acqd.sources.scopes.shot import Trace, check_step, recording_of
+from acqd.sources.scopes.shot import Trace, check_step, recording_of, stored
 from acqd.sources.waveform import ChannelMap
 
 _MAGIC = b"WAVEDESC"
@@ -26,11 +26,12 @@ def load(path: Path, given: ChannelMap) -> Recording:
 
 
 def _read(path: Path) -> list[Trace]:
-    content = path.read_bytes()
-    at = content[:_PREFIX].find(_MAGIC)
-    if at < 0 or len(content) < at + _LEAST:
+    with path.open("rb") as file:
+        head = file.read(_PREFIX + _LEAST)
+    at = head[:_PREFIX].find(_MAGIC)
+    if at < 0 or len(head) < at + _LEAST:
         raise InputError(path, "is truncated or no LeCroy trace (no WAVEDESC block)")
-    block, available = content[at : at + _LEAST], len(content) - at
+    block, available = head[at : at + _LEAST], path.stat().st_size - at
     template = block[16:32].rstrip(b"\0 ").decode("ascii", errors="replace")
     if template != "LECROY_2_3":
         raise InputError(path, f"has the template {template!r}, expected LECROY_2_3; save as ASCII in the oscilloscope")
@@ -48,18 +49,21 @@ def _read(path: Path) -> list[Trace]:
     begin = sum(lengths)
     if min(lengths) < 0 or begin < _LEAST or size <= 0 or begin + size > available:
         raise InputError(path, f"is truncated: announces {begin + size} bytes, has {available}")
-    codes = np.frombuffer(content, f"{order}i2" if wide else "i1", size // (2 if wide else 1), at + begin)
-    if not 0 < points <= len(codes):
-        raise InputError(path, f"announces {points} samples, has {len(codes)}")
+    if not 0 < points <= (there := size // (2 if wide else 1)):
+        raise InputError(path, f"announces {points} samples, has {there}")
+    codes = stored(path, f"{order}i2" if wide else "i1", points, at + begin)
     gain, offset = number("f", 156), number("f", 160)
     unit = block[196:244].split(b"\0")[0].decode("latin-1").strip()
-    step, origin = check_step(path, number("f", 176)), number("d", 180)
+    step, origin = (
+        check_step(path, float(str(np.float32(number("f", 176))))),
+        number("d", 180),
+    )  # 1e-6, not 9.99999997e-7
     if not np.isfinite([gain, offset, origin]).all() or abs(origin) > 1e6:
         raise InputError(path, f"has gain {gain:g}, offset {offset:g} and start {origin:g} s; is it damaged?")
     source = number("h", 344)
     name = f"C{source + 1}" if 0 <= source < 4 else path.stem
     start = _start(block[296:312], order, origin)
-    return [Trace(name, unit, codes[:points], gain, -offset, step, origin, start)]
+    return [Trace(name, unit, points, codes, gain, -offset, step, origin, start)]
 
 
 def _start(stamp: bytes, order: str, origin_s: float) -> int | None:

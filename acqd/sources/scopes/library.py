@@ -1,7 +1,6 @@
-"""Binary files of Rigol, Keysight, Siglent, Tektronix (.wfm), Yokogawa and Rohde & Schwarz, through RigolWFM.
+"""Binary files of Rigol, Keysight, Siglent, Yokogawa, Rohde & Schwarz and old ones of Tektronix, through RigolWFM.
 
-RigolWFM calls every trace of Tektronix, Yokogawa and Rohde & Schwarz a voltage. So the unit of a Tektronix file is read
-here, and of the others it is unknown (ADR 38).
+RigolWFM calls every trace of Tektronix, Yokogawa and Rohde & Schwarz a voltage, so their unit is unknown (ADR 38).
 """
 
 from __future__ import annotations
@@ -15,20 +14,22 @@ from acqd.errors import InputError
 from acqd.extras import require
 from acqd.sources.arrays.contents import check_size, damaged
 from acqd.sources.recording.channel import Recording
+from acqd.sources.scopes import tektronix_wfm
 from acqd.sources.scopes.shot import Trace, check_step, recording_of
+from acqd.sources.scopes.tektronix_wfm import is_tektronix
 from acqd.sources.waveform import ChannelMap
 
 _UNITS = {"v": "V", "volts": "V", "a": "A", "amps": "A", "amperes": "A", "w": "W", "watts": "W"}
-_SILENT = ("yokogawa_wfm", "yokogawa_wvf", "rohde_schwarz_bin")
+_SILENT = ("yokogawa_wfm", "yokogawa_wvf", "rohde_schwarz_bin", "tek_wfm")
 """Families whose unit the library does not read."""
-_TEK_UNIT = {b":WFM#001": 186, b":WFM#002": 188, b":WFM#003": 188}
-"""Where the unit of the values stands [byte] (Tektronix, Reference Waveform File Format, 077-0220)."""
 _EXPANDED = 11  # bytes of memory for a byte of the file, in the families that hold float32 numbers
 
 
 def load(path: Path, given: ChannelMap) -> Recording:
     """All analog traces of the file. Raises InputError."""
     del given
+    if is_tektronix(path):
+        return recording_of(path, "Tektronix .wfm", tektronix_wfm.read)
     require("binary files of oscilloscopes (.wfm, .bin)", ["RigolWFM"], "files")
     return recording_of(path, "oscilloscope, binary", _read)
 
@@ -57,16 +58,8 @@ def _read(path: Path) -> list[Trace]:
 def _trace(path: Path, channel: Any, family: str) -> Trace:
     step = check_step(path, float(channel.seconds_per_point))
     unit = _UNITS.get(str(getattr(channel.unit, "name", "")).lower(), "")
-    if family == "tek_wfm":
-        unit = _tektronix_unit(path)
-    elif family in _SILENT:
+    if family in _SILENT:
         unit = ""
     name = channel.name.replace(" ", "")
-    return Trace(name, unit, channel.codes, channel.factor, channel.zero, step, channel.origin_s)
-
-
-def _tektronix_unit(path: Path) -> str:
-    with path.open("rb") as file:
-        head = file.read(256)
-    place = _TEK_UNIT.get(head[2:10])
-    return "" if place is None else head[place : place + 20].split(b"\0")[0].decode("latin-1").strip()
+    codes = channel.codes
+    return Trace(name, unit, len(codes), lambda: codes, channel.factor, channel.zero, step, channel.origin_s)

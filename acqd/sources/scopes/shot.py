@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from acqd.errors import InputError
 from acqd.sources.recording.channel import Channel, Column, Recording
-from acqd.sources.recording.siblings import SAME_STEP, siblings, skew
+from acqd.sources.recording.siblings import SAME_STEP, channel_number, siblings, skew
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,8 +21,9 @@ class Trace:
 
     name: str
     unit: str
-    codes: Any
-    """Numbers [samples]."""
+    samples: int
+    codes: Callable[[], Any]
+    """Numbers [samples], read when somebody asks: those of one channel are in memory at a time."""
     scale: float
     offset: float
     step_s: float
@@ -35,7 +39,7 @@ def recording_of(path: Path, title: str, read: Callable[[Path], list[Trace]]) ->
         names = [path.name]
         for other in siblings(path):
             more = read(other)
-            if abs(more[0].step_s / traces[0].step_s - 1) > SAME_STEP or len(more[0].codes) != len(traces[0].codes):
+            if abs(more[0].step_s / traces[0].step_s - 1) > SAME_STEP or more[0].samples != traces[0].samples:
                 notes.append(f"{other.name} has another length or rate: left out")
                 continue
             traces += more
@@ -49,13 +53,25 @@ def recording_of(path: Path, title: str, read: Callable[[Path], list[Trace]]) ->
         notes.append("its stamps name no time zone; taken as UTC")
     advice = "give the file of the voltage, with that of the current beside it (CH1, CH2 in the names)"
     return Recording(
-        path, title, channels, len(first.codes), lambda k: _column(traces[k]), 1 / first.step_s, first.start_utc_ns,
+        path, title, channels, first.samples, lambda k: _column(traces[k]), 1 / first.step_s, first.start_utc_ns,
         notes=notes, noun="channel", advice=advice if len(traces) == 1 else "",
     )  # fmt: skip
 
 
 def _column(trace: Trace) -> Column:
-    return Column(trace.codes, trace.scale, trace.offset)
+    return Column(trace.codes(), trace.scale, trace.offset)
+
+
+def channel_name(label: str, path: Path) -> str:
+    """`CH2` where the label or the name of the file says a channel; else the name of the file."""
+    said = re.search(r"(?i)\bch(\d)\b", label)
+    number = said[1] if said else channel_number(path)
+    return f"CH{number}" if number else path.stem
+
+
+def stored(path: Path, kind: str, samples: int, offset: int) -> Callable[[], Any]:
+    """Reads numbers of a `kind` of numpy from byte `offset` of a file on."""
+    return lambda: np.fromfile(path, kind, samples, offset=offset)
 
 
 def check_step(path: Path, step_s: float) -> float:

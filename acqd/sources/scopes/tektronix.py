@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from acqd.errors import InputError
 from acqd.numerals import whole_number
 from acqd.sources.recording.channel import Recording
-from acqd.sources.scopes.shot import Trace, check_step, recording_of
+from acqd.sources.scopes.shot import Trace, channel_name, check_step, recording_of, stored
 from acqd.sources.waveform import ChannelMap
 
 _CURVE = re.compile(rb"(?i):?CURVE?\s+(?:#(\d))?")
@@ -32,29 +34,29 @@ def load(path: Path, given: ChannelMap) -> Recording:
 
 
 def _read(path: Path) -> list[Trace]:
-    content = path.read_bytes()
-    found = _CURVE.search(content, 0, _HEAD)
+    with path.open("rb") as file:
+        head = file.read(_HEAD)
+    found = _CURVE.search(head)
     if found is None:
         raise InputError(path, "is truncated or no Tektronix .isf (no :CURVE)")
-    said = _preamble(content[: found.start()].decode("latin-1"))
+    said = _preamble(head[: found.start()].decode("latin-1"))
     missing = [_KEYS[key] for key in _MUST if key not in said]
     if missing:
         raise InputError(path, f"its preamble lacks {', '.join(missing)}; save as .csv in the oscilloscope")
     if said.get("form", "Y").upper().startswith("ENV"):
         raise InputError(path, "holds an envelope (minimum and maximum), not samples; save in sample or high-res mode")
-    codes = _codes(path, content[found.end() :], found.group(1), said)
+    samples, codes = _codes(path, head, found, said)
     points = said.get("points", "")
     expected = whole_number(points)
-    if expected is not None and len(codes) < expected:
-        raise InputError(path, f"is truncated: {len(codes)} of {expected} samples")
+    if expected is not None and samples < expected:
+        raise InputError(path, f"is truncated: {samples} of {expected} samples")
     values = {key: _number(path, key, said[key]) for key in _MUST}
     step = check_step(path, values["step"])
     origin = (_number(path, "zero_x", said.get("zero_x", "0"))
               - step * _number(path, "offset_x", said.get("offset_x", "0")))  # fmt: skip
     offset = values["zero_y"] - values["scale"] * values["offset_y"]
-    named = re.search(r"(?i)\bch(\d)\b", said.get("label", "")) or re.search(r"(?i)ch(\d)(?!\d)", path.stem)
-    name = f"CH{named[1]}" if named else path.stem
-    return [Trace(name, said.get("unit", ""), codes, values["scale"], offset, step, origin)]
+    name = channel_name(said.get("label", ""), path)
+    return [Trace(name, said.get("unit", ""), samples, codes, values["scale"], offset, step, origin)]
 
 
 def _preamble(text: str) -> dict[str, str]:
@@ -73,14 +75,18 @@ def _quoted(item: str) -> tuple[str, str, str]:
     return key.rpartition(":")[2], " ", value
 
 
-def _codes(path: Path, curve: bytes, digits: bytes | None, said: dict[str, str]) -> np.ndarray:
+def _codes(path: Path, head: bytes, found: re.Match[bytes], said: dict[str, str]) -> tuple[int, Callable[[], Any]]:
+    """How many samples, and what reads them."""
+    digits = found.group(1)
     if digits is None or said.get("encoding", "BIN").upper().startswith("ASC"):
+        curve = path.read_bytes()[found.end() :]
         try:
-            return np.array([float(one) for one in curve.decode("ascii").strip().rstrip(";").split(",")])
+            values = np.array([float(one) for one in curve.decode("ascii").strip().rstrip(";").split(",")])
         except ValueError:
             raise InputError(path, "its curve is no list of numbers") from None
+        return len(values), lambda: values
     count = int(digits)
-    length = curve[:count]
+    length = head[found.end() : found.end() + count]
     if not count or not length.isdigit():
         raise InputError(path, "does not say how long its curve is")
     wide = said.get("bytes", "1")
@@ -89,11 +95,13 @@ def _codes(path: Path, curve: bytes, digits: bytes | None, said: dict[str, str])
         raise InputError(path, f"has {wide} bytes a sample, expected 1 or 2")
     if said.get("kind", "RI").upper() not in ("RI", "RP"):
         raise InputError(path, f"has samples of kind {said['kind']}, expected RI or RP")
-    data = curve[count : count + int(length)]
-    if len(data) < int(length):
-        raise InputError(path, f"is truncated: {len(data)} of {int(length)} bytes")
+    begin = found.end() + count
+    available = path.stat().st_size - begin
+    if available < int(length):
+        raise InputError(path, f"is truncated: {available} of {int(length)} bytes")
     order = "<" if said.get("order", "MSB").upper() == "LSB" else ">"
-    return np.frombuffer(data[: len(data) // int(wide) * int(wide)], order + kind)
+    samples = int(length) // int(wide)
+    return samples, stored(path, order + kind, samples, begin)
 
 
 def _number(path: Path, key: str, text: str) -> float:

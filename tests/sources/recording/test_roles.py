@@ -42,6 +42,14 @@ PHASES = {
 BESIDE = ["", "VDC", "VS", "VSYNC", "VN IN", "3I0 3U0", "IRES", "VBAT IDC", "UE IE", "UA_RMS IA_MAG", "VREF"]
 
 
+@pytest.mark.parametrize("names", ["U|V|{} I|A|{}", "V|V|{} I|A|{}", "Voltage||{} Current||{}"])
+@pytest.mark.parametrize("fields", [("L1", "L2", "L3"), ("A", "B", "C"), ("R", "S", "T")])
+def test_the_phase_field_decides_where_a_name_says_a_quantity_alone(names, fields):
+    listed = channels(" ".join(names.format(field, field) for field in fields))
+    found = [(role.kind, role.quantity, role.phases) for role in roles_of(listed)]
+    assert found == [("phase", quantity, (phase,)) for phase in (1, 2, 3) for quantity in "ui"]
+
+
 @pytest.mark.parametrize("beside", BESIDE)
 @pytest.mark.parametrize("names", sorted(PHASES))
 def test_three_phases_are_named_among_anything_else(names, beside):

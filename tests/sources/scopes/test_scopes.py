@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import struct
+import tracemalloc
+
 import numpy as np
 import pytest
 
@@ -62,7 +65,7 @@ def test_traces_of_another_length_are_left_out(tmp_path):
         ("a.isf", isf(U, "V")[:-1], "truncated"),
         ("a.isf", isf(U, "V", form="ENV"), "envelope"),
         ("a.isf", isf(U, "V").replace(b"XINCR", b"XIXCR"), "lacks XINCR"),
-        ("a.wfm", tektronix_wfm(U, "V")[:700], "truncated or no oscilloscope file"),
+        ("a.wfm", tektronix_wfm(U, "V")[:700], "truncated: its header has 838 bytes"),
         ("a.bin", b"nothing at all", "save as .csv"),
     ],
 )
@@ -81,6 +84,69 @@ def test_the_readers_agree_with_an_independent_one(tmp_path):
         ours = load_recording(tmp_path / name, ChannelMap())
         assert np.abs(ours.column(0).physical() - theirs.volts).max() < 1e-4
         assert ours.rate == pytest.approx(1 / theirs.seconds_per_point, rel=1e-6)
+
+
+@pytest.mark.parametrize("wide", [1, 2])
+@pytest.mark.parametrize("order", ["<", ">"])
+@pytest.mark.parametrize("version", [1, 2, 3])
+def test_every_version_of_tektronix_wfm_is_that_of_an_independent_reader(tmp_path, version, order, wide):
+    from RigolWFM.wfm import Wfm
+
+    path = tmp_path / "a.wfm"
+    path.write_bytes(tektronix_wfm(U, "V", version=version, order=order, wide=wide, before=7))
+    theirs, ours = Wfm.from_file(str(path)).channels[0], load_recording(path, ChannelMap())
+    assert ours.channels[0].unit == "V" and ours.samples == len(U)
+    assert np.abs(ours.column(0).physical() - theirs.volts).max() < 1e-4
+    assert np.abs(ours.column(0).physical() - U).max() < (0.02 if wide == 2 else 2.0)
+    assert ours.rate == pytest.approx(RATE)
+
+
+@pytest.mark.parametrize(
+    ("place", "value", "complaint"),
+    [
+        (72, b"\3\0\0\0", "holds 4 frames of FastFrame"), (78, b"\1\0\0\0", "FastFrame"),
+        (122, b"\6\0\0\0", "digital lines"), (240, b"\3\0\0\0", "format 3 in 2 bytes"),
+        (168, b"\0" * 6 + b"\xf8\x7f", "has scale nan"), (826, b"\xff" * 4, "truncated or damaged"),
+        (488, b"\0" * 8, "its samples are 0 s apart"), (-1, b"tekmeta!IQ_span", "pairs of I and Q"),
+    ],
+)  # fmt: skip
+def test_what_is_no_trace_of_tektronix_is_refused(tmp_path, place, value, complaint):
+    content = bytearray(tektronix_wfm(U, "V"))
+    if place < 0:
+        content += value
+    else:
+        content[place : place + len(value)] = value
+    (tmp_path / "a.wfm").write_bytes(content)
+    with pytest.raises(InputError, match=complaint):
+        load_waveform(tmp_path / "a.wfm")
+
+
+@pytest.mark.parametrize(("name", "write"), [PAIRS[kind][:2] for kind in ("lecroy", "isf", "wfm")])
+def test_recordings_of_8_bits_are_in_memory_once_as_codes(tmp_path, name, write):
+    rising = np.linspace(0.5, 1.0, 500 * len(U))  # flat tops of a few codes would look clipped
+    u, i = np.tile(U, 500) * rising, np.tile(I, 500) * rising
+    for channel, (values, unit) in enumerate(((u, "V"), (i, "A")), start=1):
+        (tmp_path / name.format(channel)).write_bytes(write(values, unit, channel=channel, wide=1))
+    load_waveform(tmp_path / name.format(1))  # imports
+    tracemalloc.start()
+    waveform = load_waveform(tmp_path / name.format(1))
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert waveform.codes.dtype == np.int16
+    size = sum(path.stat().st_size for path in tmp_path.iterdir())
+    assert peak < 3.5 * size  # with passes of a fixed size, which matter the less the longer a file is
+
+
+def test_sums_of_fast_codes_are_codes(tmp_path):
+    step, faster = struct.pack("<d", 1 / RATE), struct.pack("<d", 1 / 3e6)
+    for channel, (values, unit) in enumerate(((U, "V"), (I, "A")), start=1):
+        written = tektronix_wfm(np.repeat(values, 300), unit, wide=1).replace(step, faster)
+        (tmp_path / f"aCH{channel}.wfm").write_bytes(written)
+    waveform = load_waveform(tmp_path / "aCH1.wfm")
+    assert waveform.codes.dtype == np.int16 and any("means of 3 samples" in note for note in waveform.notes)
+    assert waveform.form.rate == pytest.approx(1e6)
+    one_code = np.abs(U).max() / 120
+    assert np.abs(waveform.codes[:, 0] * waveform.form.scale[0] - np.repeat(U, 100)).max() <= 0.51 * one_code
 
 
 def test_a_recording_faster_than_the_meter_is_averaged_with_a_word(tmp_path):

@@ -53,25 +53,29 @@ def isf(values, unit, *, channel=1, short=False, kind="RI", wide=2, order="MSB",
     return f"{head};:{'CURV' if short else 'CURVE'} #{len(count)}{count}".encode() + data
 
 
-def tektronix_wfm(values, unit, *, channel=1):
-    """WFM#003 with one curve of 16 bits (Reference Waveform File Format, 077-0220)."""
+def tektronix_wfm(values, unit, *, channel=1, version=3, order="<", wide=2, before=0):
+    """One curve (Reference Waveform File Format, 077-0220) with `before` samples of precharge."""
     del channel  # the file does not say it
-    scale = np.abs(values).max() / 30_000
-    codes = np.rint(values / scale).astype("<i2")
-    head = bytearray(838)
+    scale = np.abs(values).max() / (30_000 if wide == 2 else 120)
+    codes = np.rint(np.append(np.zeros(before), values) / scale).astype(f"{order}i{wide}")
+    explicit, view = (166 if version == 1 else 168), (60 if version == 3 else 56)
+    implicit = explicit + 2 * (100 + view)
+    curve = implicit + 2 * (76 + view) + 48
+    head = bytearray(curve + 30)
 
     def put(place, kind, value):
-        struct.pack_into("<" + kind, head, place, value)
+        struct.pack_into(order + kind, head, place, value)
 
-    put(0, "H", 0x0F0F)
-    head[2:10] = b":WFM#003"
-    put(10, "B", 7), put(11, "i", 838 + codes.nbytes - 15), put(15, "B", 2), put(16, "i", 838), put(76, "H", 838)
-    put(78, "i", 0), put(82, "I", 1), put(114, "I", 1), put(118, "I", 1), put(122, "I", 2), put(142, "I", 1)
-    put(168, "d", float(scale)), put(176, "d", 0.0), put(184, "I", 65_536)
-    head[188 : 188 + len(unit)] = unit.encode()
-    put(240, "i", 0), put(488, "d", 1 / RATE), put(496, "d", -0.1), put(504, "I", len(codes))
-    head[508:509] = b"s"
-    begin, end = 0, codes.nbytes
-    put(808, "I", 0), put(812, "i", 0), put(816, "I", 0)
-    put(818, "I", begin), put(822, "I", begin), put(826, "I", end), put(830, "I", end), put(834, "I", end)
+    put(0, "H", 0x0F0F if order == "<" else 0xF0F0)
+    head[2:10] = b":WFM#00%d" % version
+    put(10, "B", 7), put(11, "i", len(head) + codes.nbytes - 15), put(15, "B", wide), put(16, "i", len(head))
+    put(76, "H", len(head)), put(78, "i", 0), put(82, "I", 1), put(114, "I", 1), put(118, "I", 1), put(122, "I", 2)
+    put(142, "I", 1), put(explicit, "d", float(scale)), put(explicit + 8, "d", 0.0), put(explicit + 16, "I", 65_536)
+    head[explicit + 20 : explicit + 20 + len(unit)] = unit.encode()
+    put(explicit + 72, "i", 0 if wide == 2 else 7)
+    put(implicit, "d", 1 / RATE), put(implicit + 8, "d", -0.1), put(implicit + 16, "I", len(codes))
+    head[implicit + 20 : implicit + 21] = b"s"
+    begin, end = before * wide, codes.nbytes
+    for place, value in ((10, 0), (14, begin), (18, end), (22, end), (26, end)):
+        put(curve + place, "I", value)
     return bytes(head) + codes.tobytes()

@@ -38,6 +38,13 @@ READ = {
         '"File name","M1.MEM"\n"Trigger Time","\'23-11-14 12:00:00"\n"CH","U1-1","U1-2"\n'
         '"Time[s]","U1-1[V]","U1-2[A]"\n' + SECONDS
     ),
+    "fluke.csv": "Title,Scope Record\nReading #,800\nTime (s),Input A (V),Input B (A)\n" + SECONDS,
+    "perception.csv": '"Time","Recorder A.Ch A1","Recorder A.Ch A2"\n"s","V","A"\n' + SECONDS,
+    "diadem.csv": "/Group/Time,/Group/U1,/Group/I1\ns,V,A\n" + SECONDS,
+    "waveforms.csv": (
+        "#Digilent WaveForms Oscilloscope Acquisition\n#Date Time: 2023-11-14 12:00:00.000\n#Sample rate: 10000Hz\n"
+        "#Samples: 800\n\nTime (s),Channel 1 (V),Channel 2 (A)\n" + SECONDS
+    ),
     "slash.csv": "Time / s,Vm1:Measured voltage / V,Am1:Measured current / A\n" + SECONDS,
     "tails.csv": "t_s,U_V,I_A\n" + SECONDS,
     "iec61850.csv": "t,TVTR1.VolSv.instMag.i,TCTR1.AmpSv.instMag.i\n" + SECONDS,
