@@ -41,11 +41,13 @@ def without_common_load(columns: DesignColumns, base: list[Column]) -> tuple[Des
 
 
 def _left(columns: DesignColumns, base: list[Column]) -> dict[int, Floats]:
-    """[T] W of known rows by segment."""
-    whitener = Whitener.of(list(columns.residual))
-    sides = (columns.in_question, 1 - columns.in_question)
-    first, second = (left_by_everything(columns, whitener, base, side) for side in sides)
-    return first | second
+    """[T] W of known rows by segment, each side with its noise: an effect of one side is no noise of the other."""
+    left: dict[int, Floats] = {}
+    for asked, weights in ((True, columns.in_question), (False, 1 - columns.in_question)):
+        pairs = zip(columns.residual, columns.scenes.in_question, strict=True)
+        whitener = Whitener.of([residual for residual, side in pairs if side == asked])
+        left |= left_by_everything(columns, whitener, base, weights)
+    return left
 
 
 def _less(columns: DesignColumns, power: list[Floats]) -> DesignColumns:
