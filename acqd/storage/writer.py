@@ -171,7 +171,11 @@ class Writer:
         return first[0] + second[0], first[1] + second[1]
 
     def _commit(self, good: list[Row], origins: list[Message], apart: list[Refused]) -> int:
-        """One transaction; the number of conflicts. Raises _PoisonError for rows that no database takes."""
+        """One transaction; the number of conflicts. Raises _PoisonError for rows that no database takes.
+
+        A broken constraint is no such error: the tables of acqd have none that a row could break but the key, so
+        somebody has added one, and the database is away until it is taken back.
+        """
         dbapi = self._engine.dialect.loaded_dbapi
         with self.guard.transaction() as connection:
             differing: list[Message] = []
@@ -182,7 +186,7 @@ class Writer:
                     if where := _insert(connection, kind, of):
                         positions = [k for k, row in enumerate(good) if row.__class__ is kind]
                         differing += [origins[positions[k]] for k in where]
-            except (sa.exc.DataError, sa.exc.IntegrityError, dbapi.DataError, dbapi.IntegrityError) as error:
+            except (sa.exc.DataError, dbapi.DataError) as error:
                 raise _PoisonError(str(error).splitlines()[0]) from error
             except (ValueError, OverflowError) as error:  # the driver cannot even send it
                 raise _PoisonError(str(error)) from error

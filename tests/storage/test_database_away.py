@@ -129,6 +129,17 @@ def test_limits_of_time_hold_in_each_transaction_and_need_no_options_of_the_conn
     engine.dispose()
 
 
+@pytest.mark.parametrize(("setting", "kept"), [("off", "on"), ("local", "local"), ("remote_apply", "remote_apply")])
+def test_a_commit_is_on_the_disk_whatever_the_role_is_set_to(postgres, setting, kept):
+    """A receipt follows it; what is stricter than that stays."""
+    engine = engine_for(
+        make_url(postgres).set(query={"options": f"-c synchronous_commit={setting}"}).render_as_string(), impatient=True
+    )
+    with engine.connect() as connection:
+        assert connection.exec_driver_sql("SHOW synchronous_commit").scalar() == kept
+    engine.dispose()
+
+
 def test_a_role_without_rights_is_told_so(postgres):
     """Not that the database may be another program's; a viewer without the right gets a line, not a traceback."""
     engine = open_database(postgres)

@@ -86,6 +86,11 @@ def test_a_clock_far_from_the_newest_row_deletes_nothing(database):
     for ahead in (40, 400, 1.5):
         assert "rows would be deleted" in doubt(engine, Retention(), now + ahead * 86_400)
     assert not doubt(engine, Retention(power_days=0), now + 40 * 86_400), "nothing would be deleted"
+    with transaction(engine) as connection:  # as of a database that was copied without what the sink had noted
+        connection.execute(sa.delete(database_state))
+    for days, where in ((40, "40.0 days before"), (1.5, "1.5 days before")):
+        assert f"the newest row is {where}" in doubt(engine, Retention(), now + days * 86_400)
+    assert not doubt(engine, Retention(), now)
 
 
 def test_a_clock_that_has_gone_further_than_the_computer_has_been_running_deletes_nothing(database):
