@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import time
+from contextlib import contextmanager
 
 import pytest
 import sqlalchemy as sa
@@ -78,6 +79,24 @@ def lots(engine, days=40, per_day=2):
         [message(row(k, t=t)) for k, t in enumerate(at)]
     )
     return at[-1]
+
+
+def test_a_run_is_many_short_transactions_in_which_a_sink_has_its_turn(tmp_path, monkeypatch):
+    engine = open_database(str(tmp_path / "a.sqlite"))
+    sink, day = Writer(engine), 86_400
+    sink.write([message(row(k, t=T0 + 60.0 * k)) for k in range(120)])
+    begun = []
+
+    @contextmanager
+    def counted(of):
+        begun.append(sink.write([message(row(1_000 + len(begun), t=T0 + 40 * day))]).rows)
+        with transaction(of) as connection:
+            yield connection
+
+    monkeypatch.setattr("acqd.storage.maintain.transaction", counted)
+    done = maintain(engine, Retention(power_days=30), T0 + 40 * day)
+    assert done.power_deleted == 120 and len(begun) >= 3 * 8, "a quarter hour in each, twice rolled up, once deleted"
+    assert count(engine) == len(begun)
 
 
 def test_rows_whose_roll_ups_the_database_drops_are_kept(tmp_path):
