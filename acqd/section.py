@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator
 
 ARRAY = Field(strict=False)
 """Of a field that is a tuple here: TOML has arrays. The array's items stay strict."""
@@ -23,6 +23,8 @@ def _usable(path: Path) -> Path:
         raise ValueError("names the home of an unknown user; write the whole path") from None
 
 
+_LONGEST = 65_535
+"""Bytes of a text in MQTT (OASIS standard 5.0, section 1.5.4): of a name, a password, a topic."""
 FileName = Annotated[Path, Field(strict=False), AfterValidator(_usable)]
 """A path, which TOML writes as text."""
 
@@ -39,3 +41,14 @@ class Section(BaseModel):
     """Keys that name a file or folder, which has to be there before a service starts."""
     in_working_folder: ClassVar[tuple[str, ...]] = ()
     """Keys that name a file of a service: a relative name is one in the folder in which the service works."""
+
+    @field_validator("*", mode="after")
+    @classmethod
+    def _sendable(cls, value: Any) -> Any:
+        """No text of a configuration holds what neither a broker nor a path takes: it would be tried for ever."""
+        if isinstance(value, str):
+            if "\0" in value:
+                raise ValueError("holds a NUL character")
+            if len(value.encode(errors="replace")) > _LONGEST:
+                raise ValueError(f"is longer than {_LONGEST} bytes")
+        return value

@@ -63,7 +63,7 @@ def sink(
     # Here and below: SQLAlchemy is slow to import, and `acqd run` imports this module too.
     from acqd.storage.away import DatabaseAwayError
     from acqd.storage.clock_witness import ClockWitness
-    from acqd.storage.database import engine_for, prepare
+    from acqd.storage.database import engine_for, file_of, prepare
     from acqd.storage.sink import Sink
     from acqd.storage.upkeep import Upkeep
 
@@ -72,6 +72,10 @@ def sink(
     # `acqd run` hands its configuration over on stdin: other users can read arguments, and it holds passwords.
     settings = Config.model_validate_json(sys.stdin.read()) if embedded else configured(config, host, port, "sink")
     engine = engine_for(database or settings.sink.database, impatient=True)
+    if engine.dialect.name == "sqlite" and file_of(engine) is None:
+        raise UserError(
+            "[sink] database: it would be in memory only, and daemons forget rows that are stored; name a file"
+        )
     prepared = False
     with contextlib.suppress(DatabaseAwayError):  # the sink says so, and retries
         prepare(engine)

@@ -30,6 +30,7 @@ from acqd.telemetry.last_rows import Known, LastRows
 from acqd.telemetry.name import Name
 from acqd.telemetry.quality_row import QualityRow
 from acqd.telemetry.register_row import OnceAMinute, register_row
+from acqd.telemetry.register_witness import RegisterWitness
 from acqd.telemetry.rights import refused
 from acqd.telemetry.row import PowerRow
 from acqd.telemetry.spool import Readings, Spool, SpooledRow, Stream, confirm
@@ -68,6 +69,7 @@ class Uplink:
         self.name = Name(me)
         self._unfinished = _unfinished(config.state_dir, devices)
         self._last_rows = LastRows({name: run.boot.partition(".")[0] for name, run in self._unfinished.items()})
+        self._registers = RegisterWitness(devices if config.state_dir is not None else ())
         greet = partial(self._put_greeting, status)
         self.started: list[asyncio.Task[None]] = []
         self._delivery = Delivery(
@@ -75,7 +77,7 @@ class Uplink:
             config.spool.until,
             devices,
             windows=config.mqtt.rows == "window",
-            dialogue=Dialogue(config.device, self.name, self._last_rows, greet),
+            dialogue=Dialogue(config.device, self.name, self._last_rows, self._registers, greet),
         )
         self._connector = Connector(
             config.mqtt.address(),
@@ -135,6 +137,7 @@ class Uplink:
             [SpooledRow(Stream(row.device, row.channel, row.boot), row.seq, row.to_json()) for row in rows], readings
         )
         for summary in summaries:
+            self._registers.began(summary)
             self._delivery.put_state(topics.summary(summary["device"], summary["channel"]), orjson.dumps(summary))
         if summaries and self._config.registers.enabled:
             self._put_registers(summaries)
@@ -213,10 +216,12 @@ class Uplink:
             reading_trouble=spool.reading_trouble,
             left_behind=self._left_behind,
             deleted=spool.deleted,
+            registers_back=self._registers.trouble,
             cuts=len(self._cuts),
             cuts_unconfirmed=sum(not answered for answered in self._cuts.values()),
             unreceipted_s=round(delivery.unreceipted_s, 3),
             receipt_lag_s=round(delivery.receipt_lag_s, 3),
+            alone_s=round(delivery.alone_s, 3),
             connected=connector.state == "connected",
             broker_trouble=self.name.trouble or connector.trouble,
             rights_trouble=self.rights_trouble,

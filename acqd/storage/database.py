@@ -37,6 +37,8 @@ _LIMITS = "; ".join(
     )
 )
 """Said in each transaction: a pooler takes no options, and lends a connection for a transaction only."""
+_ON_DISK = "SELECT set_config('synchronous_commit', 'on', true) WHERE current_setting('synchronous_commit') = 'off'"
+"""A receipt follows a commit, whatever role and database are set to; the other values are as strict or stricter."""
 _OTHER_TABLES = ("no such table", "no such column")
 _OTHER_TABLES_STATES = ("42P01", "42703")
 """Undefined table and column: SQLite says it in words, PostgreSQL by SQLSTATE."""
@@ -192,7 +194,7 @@ def engine_for(url: str, *, impatient: bool = False) -> sa.Engine:
         arguments = {"connect_timeout": 5, "prepare_threshold": None, **(_IMPATIENT if impatient else {})}
         engine = sa.create_engine(parsed, pool_pre_ping=True, connect_args=arguments)
         if impatient:
-            sa.event.listen(engine, "begin", lambda connection: connection.exec_driver_sql(_LIMITS))
+            sa.event.listen(engine, "begin", lambda connection: connection.exec_driver_sql(f"{_LIMITS}; {_ON_DISK}"))
         return engine
     except ModuleNotFoundError as error:
         raise UserError(

@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import logging
 import os
+import sqlite3
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from typing import Any
 
 import sqlalchemy as sa
 
@@ -64,20 +66,34 @@ class Guard:
     def _check_connection(self, connection: sa.Connection) -> None:
         if self._path is None:
             return
-        opened, now = connection.connection.info.get("file"), self._stat()
-        if opened is not None and (now is None or opened != (now.st_dev, now.st_ino)):
+        about, now = connection.connection.info, self._stat()
+        if about.get("file") not in (None, now):
             connection.invalidate()
+            self._engine.dispose()  # other threads have the old file open, too
             raise self._away("the file was replaced while the sink ran; opening the new one")
+        log = self._stat("-wal")  # a transaction has begun, so SQLite has opened it
+        if about.setdefault("log", log) != log:
+            if log is None:  # what is in it, through the descriptor that is open, goes into the file
+                opened: Any = connection.connection.dbapi_connection
+                with suppress(sqlite3.Error):
+                    opened.rollback()
+                    opened.execute("PRAGMA wal_checkpoint")
+            connection.invalidate()
+            self._engine.dispose()
+            raise self._away("its write-ahead log (-wal) was deleted or replaced while the sink ran; opening it again")
 
-    def _stat(self) -> os.stat_result | None:
-        """Of the file; None where it is not there. Raises DatabaseAwayError where its disk or share does not say."""
-        assert self._path is not None
+    def _stat(self, suffix: str = "") -> tuple[int, int] | None:
+        """Device and inode of the file; None where it is not there.
+
+        Raises DatabaseAwayError where its disk or share does not say.
+        """
         try:
-            return os.stat(self._path)
+            found = os.stat(f"{self._path}{suffix}")
         except FileNotFoundError:
             return None
         except OSError as error:
             raise self._away(error.strerror or str(error)) from None
+        return found.st_dev, found.st_ino
 
     def _check_state(self, connection: sa.Connection) -> int:
         """Number of the last commit of this sink in the database."""

@@ -1,4 +1,8 @@
-"""Rows of power quality and of registers into their tables: what is new; of the others, which ones differ."""
+"""Rows of power quality and of registers into their tables: what is new; of the others, which ones differ.
+
+Keys are looked up before rows are inserted: where a trigger puts rows into a table that inherits, no key is there for
+ON CONFLICT, and a row that comes twice would be stored twice.
+"""
 
 from __future__ import annotations
 
@@ -32,9 +36,14 @@ def insert(connection: sa.Connection, table: sa.Table, rows: Sequence[KeyedRow])
         return []
     postgres = connection.dialect.name == "postgresql"
     values = [_values(row, postgres) for row in rows]
-    if _inserted(connection, table, values, postgres) == len(rows):
-        return []
     stored = {_key(one): one for one in _stored(connection, table, values)}
+    fresh: dict[tuple[Any, ...], dict[str, Any]] = {}
+    for one in values:
+        if _key(one) not in stored:
+            fresh.setdefault(_key(one), one)
+    if fresh and _inserted(connection, table, list(fresh.values()), postgres) < len(fresh):
+        fresh = {_key(one): one for one in _stored(connection, table, list(fresh.values()))}
+    stored |= fresh
     if missing := sum(_key(one) not in stored for one in values):
         raise left_out(connection, missing)
     return [k for k, one in enumerate(values) if not same_row(one, stored[_key(one)])]

@@ -10,6 +10,7 @@ from typing import Any
 import sqlalchemy as sa
 from sqlalchemy.dialects import postgresql, sqlite
 
+from acqd.storage.away import left_out
 from acqd.storage.clock_witness import IMPOSSIBLE
 from acqd.storage.conversion import convert
 from acqd.storage.database import transaction
@@ -157,7 +158,10 @@ def _write_spans(engine: sa.Engine, seconds: int, begin: int, end: int, *, repla
     rows = power if engine.dialect.name == "postgresql" else power_row
     for first, last in _spans(engine, rows.c.filetime, sa.true(), max(begin, 0), end):
         with transaction(engine) as connection:
-            made += _write_buckets(connection, seconds, first, last, replace=replace)
+            some = _write_buckets(connection, seconds, first, last, replace=replace)
+            if replace and not some:  # rows are there, and would be deleted without their roll-up
+                raise left_out(connection, 1)
+        made += some
     return made
 
 

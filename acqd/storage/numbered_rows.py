@@ -45,14 +45,16 @@ def insert(connection: sa.Connection, rows: Sequence[PowerRow]) -> list[int]:
         known = {number for number, *_ in _stored(connection, first)}
         stamps = [(number, time) for number, time in first.items() if time is not None and number not in known]
         if stamps:
-            connection.exec_driver_sql("INSERT INTO power_stamp VALUES (?, ?)", stamps)
+            taken = connection.exec_driver_sql("INSERT INTO power_stamp VALUES (?, ?)", stamps).rowcount
+            if taken < len(stamps):
+                raise left_out(connection, len(stamps) - taken)
     try:
-        if (taken := _insert_new(connection, values)) < len(rows):
-            raise left_out(connection, len(rows) - taken)
-        return []
+        if _insert_new(connection, values) == len(rows):
+            return []
     except sa.exc.IntegrityError:  # a key is there already; rows before it are inserted, and equal to themselves
-        each = _cut(values, _COLUMNS)
-        connection.exec_driver_sql(f"INSERT INTO power_row VALUES {_PLACES} ON CONFLICT DO NOTHING", each)
+        pass
+    each = _cut(values, _COLUMNS)
+    connection.exec_driver_sql(f"INSERT INTO power_row VALUES {_PLACES} ON CONFLICT DO NOTHING", each)
     stored = {number: rest for number, *rest in _stored(connection, {one[0] for one in each})}
     if missing := sum(one[0] not in stored for one in each):
         raise left_out(connection, missing)
@@ -223,7 +225,9 @@ class _Numbers:
         number = self._connection.exec_driver_sql(query, values).scalar()
         if number is None:
             self._connection.exec_driver_sql(statement, values)
-            number = self._connection.exec_driver_sql(query, values).scalar_one()
+            number = self._connection.exec_driver_sql(query, values).scalar()
+        if number is None:
+            raise left_out(self._connection, 1)
         return int(number)
 
 

@@ -10,11 +10,14 @@ from typing import Any, Protocol
 import sqlalchemy as sa
 from sqlalchemy.dialects import postgresql, sqlite
 
+from acqd.storage.away import left_out
 from acqd.storage.schema import quarantine
 from acqd.timestamps import rfc3339
 
 PAYLOAD_KEPT = 65_536
 """Bytes of a payload that are worth keeping."""
+_AT_ONCE = 500
+"""Hashes of one query."""
 
 
 class _Message(Protocol):
@@ -26,22 +29,40 @@ class _Message(Protocol):
 
 
 def insert(connection: sa.Connection, messages: Sequence[tuple[_Message, str]]) -> None:
-    """Keep messages with their reasons, in the transaction of `connection`."""
+    """Keep messages with their reasons, in the transaction of `connection`.
+
+    Raises the errors of SQLAlchemy; DatabaseAwayError where the database drops messages without an error.
+    """
     postgres = connection.dialect.name == "postgresql"
     now = datetime.now(UTC)
     received: Any = now if postgres else rfc3339(int(now.timestamp() * 1e9))
-    entries = [
-        {
+    entries = {
+        (digest := _hash(message, reason)): {
             "received": received,
             "topic": message.topic.replace("\0", "?"),
             "payload": message.payload[:PAYLOAD_KEPT],
             "reason": reason.replace("\0", "?"),
-            "sha256": _hash(message, reason),
+            "sha256": digest,
         }
         for message, reason in messages
-    ]
+    }
+    known = _known(connection, list(entries))
+    new = [entry for digest, entry in entries.items() if digest not in known]
+    if not new:
+        return
     statement: Any = (postgresql.insert if postgres else sqlite.insert)(quarantine)
-    connection.execute(statement.on_conflict_do_nothing(index_elements=["sha256"]), entries)
+    connection.execute(statement.on_conflict_do_nothing(index_elements=["sha256"]), new)
+    if missing := len(entries) - len(_known(connection, list(entries))):
+        raise left_out(connection, missing)
+
+
+def _known(connection: sa.Connection, digests: Sequence[str]) -> set[str]:
+    """Which of them are kept."""
+    found: set[str] = set()
+    for begin in range(0, len(digests), _AT_ONCE):
+        some = digests[begin : begin + _AT_ONCE]
+        found |= set(connection.execute(sa.select(quarantine.c.sha256).where(quarantine.c.sha256.in_(some))).scalars())
+    return found
 
 
 def _hash(message: _Message, reason: str) -> str:

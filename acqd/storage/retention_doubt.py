@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from operator import attrgetter
+
 import sqlalchemy as sa
 
 from acqd.storage import known_rows, state
@@ -66,13 +68,22 @@ def _newest_row(connection: sa.Connection, now: float) -> str:
 
 
 def _progress(connection: sa.Connection, now: float, elapsed: Moment) -> str:
-    """The clock has gone as far as the computer has been running, since the last run and since the last commits."""
+    """The clock has gone as far as the computer has been running, since the last run and since the last commits.
+
+    A commit of later than now proves nothing: the clock was wrong then, or is now. A run of the maintenance that agrees
+    with the clock, of which a person may have said that it is right, decides then.
+    """
     keys = database_state.c.key
     wanted = sa.or_(keys == state.MAINTAINED, keys.startswith(state.commits("")))
-    for key in connection.execute(sa.select(keys).where(wanted)).scalars().all():
-        mark = state.read_mark(connection, key)
-        if mark is None:
-            continue
+    names = connection.execute(sa.select(keys).where(wanted)).scalars().all()
+    marks = {key: mark for key in names if (mark := state.read_mark(connection, key)) is not None}
+    latest = max(marks.values(), key=attrgetter("wall_ns"), default=None)
+    if latest is not None and latest.wall_ns / 1e9 - now > _SLACK_S and state.MAINTAINED not in marks:
+        return (
+            f"a sink has committed rows at {rfc3339(latest.wall_ns, 0)}, later than this computer's clock "
+            f"({_text(now)}): it was wrong then, or is now"
+        )
+    for key, mark in marks.items():
         gone, same = now - mark.wall_ns / 1e9, mark.moment.start == elapsed.start
         ran = mark.moment.age_s(elapsed)
         if gone > ran + (_SLACK_S if same else _LONGEST_OFF_S):

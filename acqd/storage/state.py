@@ -8,6 +8,7 @@ import orjson
 import sqlalchemy as sa
 from sqlalchemy.dialects import postgresql, sqlite
 
+from acqd.storage.away import left_out
 from acqd.storage.schema import database_state
 from acqd.uptime import Moment
 
@@ -18,7 +19,8 @@ IDENTITY, MAINTAINED = "identity", "maintained"
 
 
 def _write_in(insert: postgresql.Insert | sqlite.Insert) -> sa.Insert:
-    return insert.on_conflict_do_update(index_elements=["key"], set_={"value": insert.excluded.value})
+    written = insert.on_conflict_do_update(index_elements=["key"], set_={"value": insert.excluded.value})
+    return written.execution_options(preserve_rowcount=True)
 
 
 # Made once: they stand in every transaction of a sink.
@@ -60,8 +62,9 @@ def read(connection: sa.Connection, key: str) -> str | None:
 
 
 def write(connection: sa.Connection, key: str, value: str) -> None:
-    """Set a value."""
-    connection.execute(_WRITE[connection.dialect.name], {"key": key, "value": value})
+    """Set a value. Raises DatabaseAwayError where the database drops it without an error."""
+    if not connection.execute(_WRITE[connection.dialect.name], {"key": key, "value": value}).rowcount:
+        raise left_out(connection, 1)  # a number that stays behind would look like a database that was put back
 
 
 def read_mark(connection: sa.Connection, key: str) -> Mark | None:

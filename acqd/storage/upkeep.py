@@ -27,6 +27,8 @@ _OVERDUE_S = 26 * 3_600.0
 """A timer that runs daily has had its turn and two hours more."""
 _FIRST_S = 600.0
 """A sink that has just started has a backlog to store first."""
+_MOVING = "maintenance: rows of an earlier acqd"
+"""A trouble of its own: it is over with the next look, and the rest of the maintenance has its turn much later."""
 _LOOKS = 61
 """The rate at which the disk fills is of the last hour."""
 
@@ -43,13 +45,13 @@ class Upkeep:
         self._thread = threading.Thread(target=self._run, name="upkeep", daemon=True)
         self._free: deque[tuple[float, int]] = deque(maxlen=_LOOKS)
         self._moved = 0
-        self._troubles = {"maintenance": "", "costs": ""}
+        self._troubles = {_MOVING: "", "maintenance": "", "costs": ""}
         self.disk_days: float | None = None
         """Until the disk of an SQLite database is full, at the rate of the last hour; None: unknown, or not filling."""
 
     @property
     def trouble(self) -> str:
-        """Why roll-ups, retention or costs of quarter hours are not kept, else empty."""
+        """Why rows are not moved, or roll-ups, retention or costs of quarter hours not kept, else empty."""
         return "; ".join(f"{part}: {why}" for part, why in self._troubles.items() if why)
 
     def start(self) -> None:
@@ -66,7 +68,10 @@ class Upkeep:
         while not self._stopping.wait(pause_s):
             pause_s = _LOOK_S
             self._look_at_disk()
-            if self._try("maintenance", self._convert):
+            moved = self._try(_MOVING, self._convert)
+            if moved is not None:
+                self._say(_MOVING, "")
+            if moved:
                 pause_s = _BETWEEN_S
             elif time.monotonic() - begun >= _FIRST_S:
                 self._try("maintenance", self.run_if_due)

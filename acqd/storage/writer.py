@@ -29,6 +29,8 @@ from acqd.telemetry.spool import Stream
 
 _log = logging.getLogger(__name__)
 CONFLICT = "another row with this key is stored"
+_OF_A_ROW = ("22003", "22007", "22008", "22021", "22P05")
+"""SQLSTATE: number or time out of range, characters that no column takes (PostgreSQL documentation, appendix A)."""
 
 
 @dataclass(slots=True)
@@ -171,7 +173,11 @@ class Writer:
         return first[0] + second[0], first[1] + second[1]
 
     def _commit(self, good: list[Row], origins: list[Message], apart: list[Refused]) -> int:
-        """One transaction; the number of conflicts. Raises _PoisonError for rows that no database takes."""
+        """One transaction; the number of conflicts. Raises _PoisonError for rows that no database takes.
+
+        A broken constraint is no such error, nor a text that is too long: the tables of acqd have none that a row could
+        break but the key, so somebody has changed them, and the database is away until that is taken back.
+        """
         dbapi = self._engine.dialect.loaded_dbapi
         with self.guard.transaction() as connection:
             differing: list[Message] = []
@@ -182,7 +188,9 @@ class Writer:
                     if where := _insert(connection, kind, of):
                         positions = [k for k, row in enumerate(good) if row.__class__ is kind]
                         differing += [origins[positions[k]] for k in where]
-            except (sa.exc.DataError, sa.exc.IntegrityError, dbapi.DataError, dbapi.IntegrityError) as error:
+            except (sa.exc.DataError, dbapi.DataError) as error:
+                if not _is_of_a_row(error):
+                    raise
                 raise _PoisonError(str(error).splitlines()[0]) from error
             except (ValueError, OverflowError) as error:  # the driver cannot even send it
                 raise _PoisonError(str(error)) from error
@@ -197,6 +205,12 @@ def _insert(connection: sa.Connection, kind: type[Row], of: list[Any]) -> list[i
         if kind is keyed:
             return keyed_rows.insert(connection, table, of)
     return rows.insert(connection, of)
+
+
+def _is_of_a_row(error: Exception) -> bool:
+    """Whether a value is refused that no table of acqd takes, in PostgreSQL by SQLSTATE."""
+    state = getattr(getattr(error, "orig", error), "sqlstate", None)
+    return state is None or state in _OF_A_ROW
 
 
 def _size(message: Message) -> int:

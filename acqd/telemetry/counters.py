@@ -35,6 +35,8 @@ class TelemetryCounters:
     """Which rows wait in the spool of another name, or in files that are not the spool's, else empty."""
     deleted: int
     """How often somebody has deleted files of the spool while the daemon ran."""
+    registers_back: str
+    """Which register began below what an earlier run has published, else empty."""
     cuts: int
     """Devices whose last run has ended with the computer's power."""
     cuts_unconfirmed: int
@@ -43,6 +45,8 @@ class TelemetryCounters:
     """How long the oldest row under way has waited for its receipt while a sink is online [s]."""
     unreceipted_s: float
     """How long no receipt has come while a sink is online [s]."""
+    alone_s: float
+    """How long no sink is known although the broker is there [s]."""
     connected: bool
     broker_trouble: str
     """Why connections end again and again, else empty."""

@@ -261,6 +261,11 @@ class Delivery:
         return 0.0 if self._until == "acknowledged" else self._watch.unreceipted_s
 
     @property
+    def alone_s(self) -> float:
+        """How long rows have waited for a sink while none is known [s]."""
+        return 0.0 if self._until == "acknowledged" else self._watch.alone_s
+
+    @property
     def receipt_lag_s(self) -> float:
         """How long rows wait for their receipt while a sink says that it is there, at most, of the last 10 s [s]."""
         return 0.0 if self._until == "acknowledged" else self._watch.lag_s

@@ -11,14 +11,17 @@ from acqd.telemetry.last_rows import LastRows
 from acqd.telemetry.message import Message
 from acqd.telemetry.name import Name
 from acqd.telemetry.receipts import Receipt
+from acqd.telemetry.register_witness import RegisterWitness
 
 
 class Dialogue:
     """Of one daemon; for one event loop."""
 
-    def __init__(self, device: str, name: Name, last_rows: LastRows, greet: Callable[[], None]) -> None:
+    def __init__(
+        self, device: str, name: Name, last_rows: LastRows, registers: RegisterWitness, greet: Callable[[], None]
+    ) -> None:
         """`greet` publishes the status."""
-        self._name, self._last_rows, self._greet = name, last_rows, greet
+        self._name, self._last_rows, self._registers, self._greet = name, last_rows, registers, greet
         self._status, self._ask = topics.status(device), topics.ask(device)
 
     @property
@@ -28,7 +31,8 @@ class Dialogue:
 
     def subscriptions(self) -> list[str]:
         """Status and questions of our name, and the answers to ours."""
-        return [self._status, self._ask, *self._last_rows.subscriptions()]
+        asked = [self._status, self._ask, *self._last_rows.subscriptions(), *self._registers.subscriptions()]
+        return list(dict.fromkeys(asked))
 
     def begin(self) -> None:
         """A new connection."""
@@ -51,6 +55,7 @@ class Dialogue:
         else:
             again = False
             self._last_rows.heard_summary(topic, payload)
+            self._registers.heard(topic, payload, retained=retained)
         if again:
             self._greet()
 

@@ -23,6 +23,7 @@ class ReceiptWatch:
     def __init__(self, flying: InFlight, now: Callable[[], float]) -> None:
         self._flying, self._now = flying, now
         self._online = False
+        self._alone_since = -1e9
         self._sinks: set[str] = set()
         self._heard = self._unreceipted_since = -1e9
         self._quiet_until = -1e9
@@ -33,7 +34,7 @@ class ReceiptWatch:
 
     def begin(self) -> None:
         """A new connection: sinks that are there say so again."""
-        self._online = True
+        self._online, self._alone_since = True, self._now()
         self._sinks.clear()
 
     def end(self) -> None:
@@ -49,6 +50,8 @@ class ReceiptWatch:
     def left(self, sink: str) -> bool:
         """A sink is offline; whether others are there."""
         self._sinks.discard(sink)
+        if not self._sinks:
+            self._alone_since = self._now()
         return bool(self._sinks)
 
     def sending(self) -> None:
@@ -92,6 +95,13 @@ class ReceiptWatch:
         if not self._online or not self._sinks or not len(self._flying):
             return 0.0
         return max(0.0, self._now() - self._unreceipted_since)
+
+    @property
+    def alone_s(self) -> float:
+        """How long there is a connection, no sink says that it is there, and no receipt comes [s]."""
+        if not self._online or self._sinks:
+            return 0.0
+        return max(0.0, self._now() - max(self._alone_since, self._heard))
 
     @property
     def lag_s(self) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import subprocess
 import sys
 import threading
@@ -47,6 +48,16 @@ def test_a_database_that_is_up_to_date_is_opened_without_what_brings_it_there(tm
         f"open_database({path!r}); print([name for name in sys.modules if name.startswith('alembic')])"
     )
     assert subprocess.run([sys.executable, "-c", script], capture_output=True, text=True).stdout == "[]\n"
+
+
+@pytest.mark.parametrize("folder", ["100 % acqd", "%(here)s", "%%", "Anlage ü ${x} %s"])
+def test_the_installation_and_the_database_may_be_in_a_folder_of_any_name(tmp_path, monkeypatch, folder):
+    """Alembic reads its settings through configparser, to which a percent sign is the begin of a reference."""
+    installed = tmp_path / folder
+    shutil.copytree(MIGRATIONS, installed, ignore=shutil.ignore_patterns("__pycache__"))
+    monkeypatch.setattr("acqd.storage.database.MIGRATIONS", installed)
+    engine = open_database(str(installed / "a %.sqlite"))
+    assert count(engine) == 0 and (installed / "a %.sqlite").exists()
 
 
 def test_opening_again_and_from_several_sinks_at_once_is_harmless(database):

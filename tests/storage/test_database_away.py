@@ -115,6 +115,13 @@ def test_a_mistyped_url_ends_the_sink_with_one_line_without_the_secret(url):
     assert "hu@sh" not in done.stderr and "hush" not in done.stderr
 
 
+@pytest.mark.parametrize("database", [":memory:", "sqlite://", "sqlite:///:memory:"])
+def test_a_sink_keeps_no_rows_in_memory_only(database):
+    """A receipt says that they are on a disk."""
+    refused = acqd_here("sink", "--database", database)
+    assert refused.returncode == 2 and "in memory only" in refused.stderr and refused.stderr.count("\n") == 1
+
+
 def test_limits_of_time_hold_in_each_transaction_and_need_no_options_of_the_connection(postgres):
     """A pooler refuses options, and lends its connections for a transaction."""
     engine = engine_for(postgres, impatient=True)
@@ -126,6 +133,17 @@ def test_limits_of_time_hold_in_each_transaction_and_need_no_options_of_the_conn
         assert driver.prepare_threshold is None
         driver.autocommit = True
         assert driver.execute("SHOW statement_timeout").fetchone() == ("0",)
+    engine.dispose()
+
+
+@pytest.mark.parametrize(("setting", "kept"), [("off", "on"), ("local", "local"), ("remote_apply", "remote_apply")])
+def test_a_commit_is_on_the_disk_whatever_the_role_is_set_to(postgres, setting, kept):
+    """A receipt follows it; what is stricter than that stays."""
+    engine = engine_for(
+        make_url(postgres).set(query={"options": f"-c synchronous_commit={setting}"}).render_as_string(), impatient=True
+    )
+    with engine.connect() as connection:
+        assert connection.exec_driver_sql("SHOW synchronous_commit").scalar() == kept
     engine.dispose()
 
 

@@ -14,10 +14,12 @@ import sqlalchemy as sa
 from acqd.errors import UserError
 from acqd.storage.away import DatabaseAwayError
 from acqd.storage.database import engine_for, open_database, prepare, transaction
-from acqd.storage.schema import database_state
+from acqd.storage.received import Received
+from acqd.storage.schema import database_state, metadata, power_event
 from acqd.storage.writer import Writer
 from acqd.telemetry.register_row import register_row
 from tests.storage.rows import count, message, row
+from tests.storage.test_events import event, sent
 from tests.storage.test_register_rows import received, summary
 
 
@@ -135,55 +137,121 @@ def test_a_share_that_does_not_say_whether_the_file_is_there_is_waited_for(tmp_p
 
 
 DROPS = {
-    "sqlite": (["CREATE TRIGGER d BEFORE INSERT ON {} BEGIN SELECT RAISE(IGNORE); END"], "DROP TRIGGER d"),
+    "sqlite": (["CREATE TRIGGER d BEFORE {what} BEGIN SELECT RAISE(IGNORE); END"], "DROP TRIGGER d"),
     "postgresql": (
         [
             "CREATE FUNCTION d() RETURNS trigger LANGUAGE plpgsql AS 'BEGIN RETURN NULL; END'",
-            "CREATE TRIGGER d BEFORE INSERT ON {} FOR EACH ROW EXECUTE FUNCTION d()",
+            "CREATE TRIGGER d BEFORE {what} FOR EACH ROW EXECUTE FUNCTION d()",
         ],
         "DROP FUNCTION d CASCADE",
     ),
 }
+KINDS = {
+    "power": [message(row(k)) for k in range(3)],
+    "power_register": [received(register_row(summary(60 * k))) for k in range(3)],
+    "power_event": [sent(event(0)), sent(event(1)), sent(event(1)), sent(event(2, duration=None))],
+    "quarantine": [Received("acqd/cell1/L1/power", b"no row %d" % k) for k in range(3)],
+}
+"""Messages for each table; the first one is there already when a trigger comes."""
+NUMBERED = {"power": "power_row"}
+"""SQLite keeps rows under another name."""
 
 
-@pytest.mark.parametrize("table", ["rows", "registers"])
+@pytest.mark.parametrize("table", KINDS)
 def test_rows_that_the_database_drops_without_an_error_have_no_receipt(database, table):
     engine = open_database(database)
-    writer = Writer(engine)
+    writer, kind = Writer(engine), KINDS[table]
     begin, end = DROPS[engine.dialect.name]
-    name = "power_register" if table == "registers" else "power_row" if engine.dialect.name == "sqlite" else "power"
-    sent = [message(row(k)) for k in range(3)]
-    if table == "registers":
-        sent = [received(register_row(summary(60 * k))) for k in range(3)]
-    writer.write(sent[:1])
+    name = NUMBERED.get(table, table) if engine.dialect.name == "sqlite" else table
+    writer.write(kind[:1])
     with engine.begin() as connection:
         for statement in begin:
-            connection.exec_driver_sql(statement.format(name))
-    for batch in (sent[1:], sent):  # a row that is there already takes another way
+            connection.exec_driver_sql(statement.format(what=f"INSERT ON {name}"))
+    for batch in (kind[1:], kind):  # a row that is there already takes another way
         with pytest.raises(DatabaseAwayError, match="leaves out rows"):
+            writer.write(batch)
+    writer.write(kind[:1])  # the same again is no new row
+    with engine.begin() as connection:
+        connection.exec_driver_sql(end)
+    writer.write(kind)
+    assert count(engine, metadata.tables[table]) == 3
+
+
+BREAKS = [
+    (
+        "sqlite",
+        "CREATE TRIGGER d BEFORE INSERT ON power_row BEGIN SELECT RAISE(ABORT, 'no site is given'); END",
+        "DROP TRIGGER d",
+    ),
+    ("postgres", "ALTER TABLE power ADD CONSTRAINT d CHECK (seq < 1)", "ALTER TABLE power DROP CONSTRAINT d"),
+    (
+        "postgres",
+        "ALTER TABLE power ADD COLUMN d varchar(2); CREATE FUNCTION d() RETURNS trigger LANGUAGE plpgsql AS "
+        "'BEGIN NEW.d := NEW.boot; RETURN NEW; END'; "
+        "CREATE TRIGGER d BEFORE INSERT ON power FOR EACH ROW EXECUTE FUNCTION d()",
+        "DROP FUNCTION d CASCADE; ALTER TABLE power DROP COLUMN d",
+    ),
+]
+
+
+@pytest.mark.parametrize(("database", "begin", "end"), BREAKS, indirect=["database"], ids=["abort", "check", "length"])
+def test_what_somebody_has_added_to_a_table_puts_no_row_into_quarantine(database, begin, end):
+    engine = open_database(database)
+    writer = Writer(engine)
+    writer.write([message(row(0))])
+    with engine.begin() as connection:
+        connection.exec_driver_sql(begin)
+    for batch in ([message(row(1))], [message(row(k)) for k in range(1, 4)]):
+        with pytest.raises(sa.exc.DBAPIError, match=r'no site is given|constraint "d"|too long'):
             writer.write(batch)
     with engine.begin() as connection:
         connection.exec_driver_sql(end)
-    assert writer.write(sent).rows == 3
+    assert writer.write([message(row(k)) for k in range(4)]).rows == 4 == count(engine)
+    assert not count(engine, metadata.tables["quarantine"])
 
 
-@pytest.mark.parametrize("index", ["", "CREATE UNIQUE INDEX ON part (device, channel, boot, seq)"])
-def test_rows_that_a_trigger_puts_into_a_part_of_the_table_are_stored_once(postgres, index):
+@pytest.mark.parametrize("table", ["power_event", "database_state"])
+def test_changes_that_the_database_drops_without_an_error_are_no_commit(database, table):
+    """The end of an event; the number of the commit, which would look like a database that was put back."""
+    engine = open_database(database)
+    writer = Writer(engine)
+    writer.write([sent(event(duration=None)), message(row(0))])
+    begin, end = DROPS[engine.dialect.name]
+    with engine.begin() as connection:
+        for statement in begin:
+            connection.exec_driver_sql(statement.format(what=f"UPDATE ON {table}"))
+    for _ in range(2):
+        with pytest.raises(DatabaseAwayError, match="leaves out rows"):
+            writer.write([sent(event()), message(row(1))])
+    with engine.begin() as connection:
+        connection.exec_driver_sql(end)
+    assert writer.write([sent(event()), message(row(1))]).rows == 1 and not writer.guard.restored
+
+
+@pytest.mark.parametrize("index", ["", "CREATE UNIQUE INDEX ON part (device, boot, {})"])
+@pytest.mark.parametrize("table", KINDS)
+def test_rows_that_a_trigger_puts_into_a_part_of_the_table_are_stored_once(postgres, table, index):
     engine = open_database(postgres)
-    writer, sent = Writer(engine), [message(row(k)) for k in range(4)]
-    writer.write(sent[:1])
+    writer, kind = Writer(engine), KINDS[table]
+    first = [sent(event(1, duration=None))] if table == "power_event" else []  # its end comes behind the trigger
+    writer.write(kind[:1])
+    numbers = {"power_event": "number", "quarantine": ""}.get(table, "channel, seq")
     with engine.begin() as connection:
         for statement in (
-            "CREATE TABLE part () INHERITS (power)",
+            f"CREATE TABLE part () INHERITS ({table})",
             "CREATE FUNCTION d() RETURNS trigger LANGUAGE plpgsql AS"
             " 'BEGIN INSERT INTO part VALUES (NEW.*); RETURN NULL; END'",
-            "CREATE TRIGGER d BEFORE INSERT ON power FOR EACH ROW EXECUTE FUNCTION d()",
-            *filter(None, [index]),
+            f"CREATE TRIGGER d BEFORE INSERT ON {table} FOR EACH ROW EXECUTE FUNCTION d()",
+            *filter(None, [index.format(numbers) if numbers else ""]),
         ):
             connection.exec_driver_sql(statement)
-    for batch in (sent[1:3], sent[1:3], [*sent, sent[3]]):  # new; sent again; some are new, one comes twice
-        assert writer.write(batch).rows == len(batch)
-    assert count(engine) == 4
+    for batch in ([*first, *kind[1:2]], kind[1:2], [*kind, kind[-1]]):  # new; sent again; some new, one comes twice
+        writer.write(batch)
+    assert count(engine, metadata.tables[table]) == 3
+    if table == "power_event":
+        with engine.connect() as connection:
+            ends = connection.execute(sa.select(power_event.c.duration).order_by(power_event.c.number)).scalars().all()
+        assert ends == [0.1, 0.1, None]
 
 
 def test_a_mark_that_somebody_has_written_over_is_not_counted_on(tmp_path):
@@ -193,3 +261,18 @@ def test_a_mark_that_somebody_has_written_over_is_not_counted_on(tmp_path):
         with engine.begin() as connection:
             connection.execute(database_state.update().where(database_state.c.key != "identity").values(value=text))
         assert Writer(engine).write([message(row(1))]).rows == 1
+
+
+@pytest.mark.parametrize("suffixes", [["-wal"], ["-wal", "-shm"]])
+def test_a_log_that_was_deleted_costs_no_row(tmp_path, suffixes):
+    """Somebody takes it for rubbish: SQLite would go on to write into a file without a name."""
+    path = tmp_path / "a.sqlite"
+    writer = Writer(open_database(str(path)))
+    writer.write([message(row(0))])
+    writer.write([message(row(1))])
+    for suffix in suffixes:
+        path.with_name(f"a.sqlite{suffix}").unlink()
+    with pytest.raises(DatabaseAwayError, match=r"log .* was deleted"):
+        writer.write([message(row(2))])
+    writer.write([message(row(2))])
+    assert count(open_database(str(path))) == 3 and not writer.guard.restored

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 import time
+from contextlib import contextmanager
 
 import pytest
 import sqlalchemy as sa
 
+from acqd.storage.away import DatabaseAwayError
 from acqd.storage.clock_witness import ClockWitness
 from acqd.storage.database import open_database, transaction
 from acqd.storage.maintain import Retention, maintain
@@ -79,6 +81,35 @@ def lots(engine, days=40, per_day=2):
     return at[-1]
 
 
+def test_a_run_is_many_short_transactions_in_which_a_sink_has_its_turn(tmp_path, monkeypatch):
+    engine = open_database(str(tmp_path / "a.sqlite"))
+    sink, day = Writer(engine), 86_400
+    sink.write([message(row(k, t=T0 + 60.0 * k)) for k in range(120)])
+    begun = []
+
+    @contextmanager
+    def counted(of):
+        begun.append(sink.write([message(row(1_000 + len(begun), t=T0 + 40 * day))]).rows)
+        with transaction(of) as connection:
+            yield connection
+
+    monkeypatch.setattr("acqd.storage.maintain.transaction", counted)
+    done = maintain(engine, Retention(power_days=30), T0 + 40 * day)
+    assert done.power_deleted == 120 and len(begun) >= 3 * 8, "a quarter hour in each, twice rolled up, once deleted"
+    assert count(engine) == len(begun)
+
+
+def test_rows_whose_roll_ups_the_database_drops_are_kept(tmp_path):
+    engine = open_database(str(tmp_path / "a.sqlite"))
+    now = lots(engine)
+    with transaction(engine) as connection:
+        connection.exec_driver_sql("CREATE TRIGGER d BEFORE INSERT ON power_1min BEGIN SELECT RAISE(IGNORE); END")
+    before = count(engine)
+    with pytest.raises(DatabaseAwayError, match="leaves out rows"):
+        maintain(engine, Retention(power_days=30), now)
+    assert count(engine) == before
+
+
 def test_a_clock_far_from_the_newest_row_deletes_nothing(database):
     engine = open_database(database)
     now = lots(engine)
@@ -86,6 +117,11 @@ def test_a_clock_far_from_the_newest_row_deletes_nothing(database):
     for ahead in (40, 400, 1.5):
         assert "rows would be deleted" in doubt(engine, Retention(), now + ahead * 86_400)
     assert not doubt(engine, Retention(power_days=0), now + 40 * 86_400), "nothing would be deleted"
+    with transaction(engine) as connection:  # as of a database that was copied without what the sink had noted
+        connection.execute(sa.delete(database_state))
+    for days, where in ((40, "40.0 days before"), (1.5, "1.5 days before")):
+        assert f"the newest row is {where}" in doubt(engine, Retention(), now + days * 86_400)
+    assert not doubt(engine, Retention(), now)
 
 
 def test_a_clock_that_has_gone_further_than_the_computer_has_been_running_deletes_nothing(database):
@@ -102,6 +138,19 @@ def test_a_clock_that_has_gone_further_than_the_computer_has_been_running_delete
     assert "since the last maintenance" in doubt(engine, Retention(), later, Moment(b"start", 3_600 * 10**9))
     assert not doubt(engine, Retention(), later, Moment(b"start", 20 * 86_400 * 10**9))
     assert "since the last maintenance" in doubt(engine, Retention(), later, Moment(b"other", 10**9))
+
+
+def test_a_clock_that_was_later_before_deletes_nothing_until_a_person_vouches_for_it(database):
+    """It was years ahead once, and now it is 40 days ahead, with the daemons of the same computer."""
+    engine = open_database(database)
+    now = lots(engine)
+    later = now + 14 * 365 * 86_400
+    Writer(engine, witness=ClockWitness(now_ns=lambda: int(later * 1e9))).write([message(row(9_998, t=now))])
+    ahead = now + 40 * 86_400
+    Writer(engine, witness=ClockWitness(now_ns=lambda: int(ahead * 1e9))).write([message(row(9_999, t=ahead))])
+    assert "later than this computer's clock" in doubt(engine, Retention(), ahead)
+    note_run(engine, ahead)
+    assert not doubt(engine, Retention(), ahead)
 
 
 def test_the_command_refuses_and_does_what_a_person_insists_on(tmp_path):

@@ -105,6 +105,26 @@ def test_a_lock_that_is_over_is_no_trouble_any_more(tmp_path):
     assert not thread.run_if_due() and not thread.trouble
 
 
+def test_a_disk_that_fails_for_a_moment_is_a_trouble_until_the_next_look(tmp_path, monkeypatch):
+    """Before the first maintenance is due, too."""
+    monkeypatch.setattr(upkeep, "_FIRST_S", 600.0)
+    engine, errors = open_database(str(tmp_path / "a.sqlite")), [OSError(5, "Input/output error")]
+    seen = []
+
+    def convert(*_):
+        seen.append(thread.trouble)
+        if errors:
+            raise errors.pop()
+        return 0
+
+    monkeypatch.setattr(upkeep, "convert", convert)
+    thread = Upkeep(engine, Retention(0, 0, 0))
+    thread.start()
+    wait_for(lambda: len(seen) > 2, "further looks")
+    thread.stop()
+    assert "Input/output error" in seen[1] and not seen[2]
+
+
 def test_a_broken_tariff_does_not_stop_the_sink(tmp_path):
     (tmp_path / "t.toml").write_text("price = ")
     engine = open_database(str(tmp_path / "a.sqlite"))

@@ -184,6 +184,28 @@ def test_late_receipts_are_said_without_a_break_and_not_of_the_time_without_a_si
     assert bench.box.receipt_lag_s == 0
 
 
+def test_how_long_no_sink_is_known_counts_while_the_broker_is_there():
+    """Its access rules may hide the sink and its receipts from the daemon."""
+    bench = Bench()
+    bench.now += 50
+    assert not bench.box.alone_s and not Bench("acknowledged").box.alone_s
+    bench.box.begin()
+    bench.make(2)
+    bench.take_all()
+    bench.now += 20
+    assert bench.box.alone_s == 20
+    bench.receipt(0, 0)
+    bench.now += 5
+    assert bench.box.alone_s == 5
+    bench.sink()
+    assert not bench.box.alone_s
+    bench.sink(OFFLINE)
+    bench.now += 7
+    assert bench.box.alone_s == 7
+    bench.box.end()
+    assert not bench.box.alone_s
+
+
 def test_a_new_connection_and_a_new_sink_get_everything_that_waits():
     bench = Bench()
     bench.make(5)
@@ -319,8 +341,21 @@ def test_a_state_replaces_the_one_that_still_waits():
     assert message.payload == b"4" and message.retain
 
 
+FORGED = b'{"sink":"s","stored":[%s]}'
+MANY = b'{"channel":"L1","boot":"b","seq":[%s]}'
+
+
 @pytest.mark.parametrize(
-    "payload", [b"", b"{}", b"[1]", b'{"sink":"s","stored":[{"channel":"L1","boot":"b","seq":[[1]]}]}']
+    "payload",
+    [
+        b"",
+        b"{}",
+        b"[1]",
+        FORGED % MANY % b"[1]",
+        FORGED % b",".join([MANY % b",".join([b"[0,9]"] * 1_500)] * 2),  # more ranges than a sink says at once
+        FORGED % MANY % b"[0,9]" + b" " * (256 << 10),  # more bytes
+    ],
+    ids=["empty", "nothing", "list", "no range", "ranges", "bytes"],
 )
 def test_a_receipt_that_is_none_is_refused_and_changes_nothing(payload, caplog):
     bench = Bench()

@@ -13,11 +13,12 @@ uvicorn = pytest.importorskip("uvicorn")
 
 
 @pytest.fixture
-def port():
+def port(request):
     from acqd.web.limited import LimitedProtocol
 
     class Small(LimitedProtocol):
         most = 20
+        request_s = getattr(request, "param", 10.0)
 
     async def app(scope, receive, send):
         await send({"type": "http.response.start", "status": 200, "headers": []})
@@ -61,9 +62,30 @@ def test_many_clients_that_wait_do_not_keep_one_out_that_asks(port, sent, caplog
             connection.sendall(sent)
         waiting.append(connection)
     assert b"page" in get(port) and b"page" in get(port)
+    assert sum(map(is_ended, waiting)) >= 75, "descriptors are for those who ask"
     for connection in waiting:
         connection.close()
     assert len(caplog.records) <= 10
+
+
+def is_ended(connection):
+    """Whether the server has closed a connection, of which at most 4 MB are read."""
+    connection.setblocking(False)
+    with contextlib.suppress(BlockingIOError):
+        try:
+            return any(not connection.recv(65_536) for _ in range(64))
+        except ConnectionError:
+            return True
+    return False
+
+
+@pytest.mark.parametrize("port", [0.1], indirect=True)
+@pytest.mark.parametrize("sent", [b"", b"GET / HT"])
+def test_who_does_not_ask_in_time_is_disconnected(port, sent):
+    with socket.create_connection(("127.0.0.1", port), timeout=60) as connection:
+        connection.sendall(sent)
+        with contextlib.suppress(ConnectionError):
+            assert connection.recv(1) == b""
 
 
 def test_a_viewer_outlasts_clients_that_have_their_answer_and_those_of_another_address(port):

@@ -150,9 +150,9 @@ RUNBOOK = (
     ),
     _entry(
         "power-cut",
-        "`N power cuts before this start ...`",
+        "`N power cuts before this start ...`, `W of ... began at ...`",
         "`acqd sink completeness`; rows flagged `W_unconfirmed`: W may be behind; then `acqd status --acknowledge`",
-        r"power cuts before this start",
+        r"power cuts before this start|^W.* began at .* kWh",
     ),
     _entry(
         "left-behind",
@@ -165,6 +165,12 @@ RUNBOOK = (
         "`spool: ... cannot be read: ...`, `... does not confirm rows: ...`, `energy register: ...`",
         "the disk, share or mount of `state_dir`; no row is deleted, and the disk is tried again",
         r"^spool: .*(cannot be (read|opened)|does not confirm)|^energy register: ",
+    ),
+    _entry(
+        "no-sink",
+        "`no sink is known, and ... rows wait`",
+        "`journalctl -u acqd-sink`; the broker's access rules: the daemon reads `acqd/sink/+/status`",
+        r"^no sink is known",
     ),
     _entry(
         "spool",

@@ -53,6 +53,8 @@ class Delivery:
     """Which rows wait in the spool of another name, or in files that are not the spool's."""
     deleted: int = 0
     """How often somebody has deleted files of the spool while the daemon ran."""
+    registers_back: str = ""
+    """Which register began below what an earlier run has published."""
     cuts: int = 0
     """Devices whose last run has ended with the computer's power."""
     cuts_unconfirmed: int = 0
@@ -61,6 +63,8 @@ class Delivery:
     """How long the oldest row under way has waited for its receipt while a sink is online [s]."""
     unreceipted_s: float = 0.0
     """How long no receipt has come while a sink is online [s]."""
+    alone_s: float = 0.0
+    """How long no sink is known although the broker is there [s]."""
     rights_trouble: str = ""
     """Which rows the broker acknowledges and does not take."""
     clock_trouble: str = ""

@@ -13,6 +13,8 @@ UNRECEIPTED_S = 10.0
 """A receipt comes within a second; a sink that is online and silent for longer does not get the rows."""
 LAG_S = 2.0
 """Rows are stored within half a second of their message."""
+ALONE_S = 30.0
+"""A sink that is started again is back sooner."""
 DISK_DAYS = 14.0
 """Time to buy a disk."""
 
@@ -109,6 +111,12 @@ def _lost_at_once(delivery: Delivery, seen: Acknowledged, problems: list[str], n
         "power cuts before this start after which no sink has said which rows it has: W may be up to a second behind"
     )
     _counted(delivery.cuts_unconfirmed, seen.cuts, unconfirmed, problems, notes)
+    if delivery.alone_s > ALONE_S and delivery.waiting:
+        notes.append(
+            f"no sink is known, and {delivery.waiting} rows wait: does one run, and may this daemon read its status?"
+        )
+    if delivery.registers_back:
+        notes.append(delivery.registers_back)
     if delivery.cuts > delivery.cuts_unconfirmed:
         notes.append("the computer lost its power before this start: its last second may be missing, W goes on")
 

@@ -19,12 +19,12 @@ from tests.daemon.health.snapshots import daemon
 class Served:
     """A server whose snapshot the test changes."""
 
-    def __init__(self) -> None:
-        self.now = daemon()
-        self.server = HealthServer("127.0.0.1", 0, lambda: self.now)
+    def __init__(self, host="127.0.0.1") -> None:
+        self.now, self.host = daemon(), host
+        self.server = HealthServer(host, 0, lambda: self.now)
 
     def get(self, path, method="GET", headers=None):
-        connection = HTTPConnection("127.0.0.1", self.server.port, timeout=60)
+        connection = HTTPConnection(self.host, self.server.port, timeout=60)
         connection.request(method, path, headers=headers or {})
         answer = connection.getresponse()
         return answer.status, answer.read().decode()
@@ -46,6 +46,13 @@ def test_healthz_and_readyz_tell_a_dead_service_from_one_that_waits(served):
     assert code == 503 and json.loads(body)["problems"] == ["broker away"]
     served.now = daemon(alive=False)
     assert served.get("/healthz")[0] == 503
+
+
+def test_an_address_of_ipv6_is_listened_on():
+    served = Served("::1")
+    served.server.start()
+    assert served.get("/healthz")[0] == 200
+    served.server.stop()
 
 
 def test_status_and_metrics_are_served_and_nothing_else(served):

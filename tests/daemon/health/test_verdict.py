@@ -67,6 +67,8 @@ def test_what_keeps_rows_from_arriving_is_a_problem(snapshot, alive, word):
         daemon(delivery=Delivery(dropped=7), acknowledged=Acknowledged(dropped=7)),
         daemon(delivery=Delivery(deleted=1), acknowledged=Acknowledged(deleted=1)),
         daemon(delivery=Delivery(cuts=1)),
+        daemon(delivery=Delivery(alone_s=31.0, waiting=9)),
+        daemon(delivery=Delivery(registers_back="W of cell1 began at 1 kWh, and an earlier run had published 2 kWh")),
         daemon(cycles=Cycles(restarts=1)),
         daemon(synchronised=False),
         daemon(source=SourceLink(True, trouble="the range has changed")),

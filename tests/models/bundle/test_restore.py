@@ -49,18 +49,16 @@ def test_a_network_with_other_learnables_is_refused():
         restore(Bundle(about | {"architecture": {"name": "22x1dim"}}, {"theta": np.zeros(1463, np.float32)}))
 
 
-@pytest.mark.parametrize("columns", [[-1], [0.5], [True], ["0"], [0, -7], [0, 1]])
-def test_columns_that_c_would_write_outside_of_an_array_are_refused(tmp_path, columns):
+def with_columns(folder, columns):
     bundle = grey_bundle()
-    effect = {
-        "id": "payload",
-        "where": "flange",
-        "shape": {},
-        "columns": columns,
-        "coefficients": [0.1],
-        "parameters": {},
-    }
-    bundle.metadata["effects"] = [effect]
-    save_bundle(tmp_path / "b", bundle)
-    with pytest.raises(InputError, match="columns"):
-        open_model(tmp_path / "b")
+    effect = {"id": "coulomb_friction", "where": "joint 1", "shape": {}, "coefficients": [0.1], "parameters": {}}
+    bundle.metadata["effects"] = [effect | {"columns": columns}]
+    save_bundle(folder, bundle)
+    return folder
+
+
+@pytest.mark.parametrize("columns", [[-1], [0.5], [True], ["0"], [0, -7], [0, 1], [10**6]])
+def test_columns_that_c_would_write_outside_of_an_array_are_refused(tmp_path, columns):
+    open_model(with_columns(tmp_path / "good", [0]))
+    with pytest.raises(InputError, match=r"columns \[|numbers of coefficients|index 1000000"):
+        open_model(with_columns(tmp_path / "bad", columns))

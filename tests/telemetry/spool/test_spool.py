@@ -239,6 +239,24 @@ def test_a_disk_that_does_not_give_rows_out_is_waited_for_and_costs_no_row(tmp_p
     assert caplog.text.count("cannot be read") == 1 and caplog.text.count("can be read again") == 1
 
 
+def test_damage_is_not_judged_by_a_disk_that_does_not_answer(tmp_path):
+    """Bytes that are wrong are read once more before rows are given up."""
+    spool = Spool(tmp_path, Limits(max_bytes=200_000))
+    for k in range(50):
+        spool.append(window(k))
+    [path] = tmp_path.glob("*.seg")
+    data = path.read_bytes()
+    path.write_bytes(data[:400] + b"x" * 200 + data[600:])
+    away = OSError(errno.EIO, os.strerror(errno.EIO))
+    with mock.patch.object(Segment, "lose_unreadable", side_effect=away):
+        spool.read(spool.start, 1_000, lambda stream, seq: True)
+        assert len(spool) == 100 and not spool.dropped and "Input/output error" in spool.reading_trouble
+    with mock.patch.object(segment.time, "monotonic", lambda: 1e12), mock.patch.object(spool._backoff, "pause_s", int):
+        assert spool.readable_again()
+        rows = everything(spool)
+    assert 90 < len(rows) == len(spool) < 100 and not spool.reading_trouble
+
+
 def test_no_descriptor_left_is_no_damage(tmp_path):
     spool = Spool(tmp_path)
     spool.append(window(0))
