@@ -19,6 +19,7 @@ from acqd.dataset.power_source import BLOCK_ROWS, PowerRows, choose
 from acqd.dataset.schema import UTC_NS
 from acqd.errors import InputError, UserError
 from acqd.parquet_size import check_size
+from acqd.robot.last_line import LEFT_OUT, MOST_ROWS, is_cut_off
 from acqd.robot.table import text_of
 from acqd.timestamps import Nanoseconds, parse_times
 
@@ -97,7 +98,7 @@ def csv_batches(path: Path, notes: list[str]) -> Iterator[pa.RecordBatch]:
 
 
 def _cut_off(path: Path) -> str:
-    return f"power {path}: its last line is cut off and left out: was the recorder stopped hard?"
+    return f"power {path}: {LEFT_OUT}"
 
 
 class _Beginning(io.RawIOBase):
@@ -119,7 +120,7 @@ class _Beginning(io.RawIOBase):
 
 
 def _end_of_whole_lines(file: BinaryIO, head: bytes, parse: pyarrow.csv.ParseOptions) -> int:
-    """Bytes before a last line that has no end and fewer columns than the header; of any other file, all."""
+    """Bytes before a last line that has no end and is a part of a line; of any other file, all."""
     size = file.seek(0, os.SEEK_END)
     file.seek(max(0, size - _LONGEST_LINE))
     text = file.read()
@@ -132,7 +133,16 @@ def _end_of_whole_lines(file: BinaryIO, head: bytes, parse: pyarrow.csv.ParseOpt
         misfit = _MISFIT.search(str(error))
         if misfit is not None and int(misfit["actual"]) < int(misfit["expected"]):
             return size - len(last)
-    return size
+    lines = text[: len(text) - len(last)].splitlines()[-MOST_ROWS:]
+    lines = lines[1:] if size <= _LONGEST_LINE + len(head) else lines  # without the header
+    mark = parse.delimiter.encode()
+    *others, cells = [line.decode(errors="replace").split(mark.decode()) for line in [*lines, last] if line.strip()]
+    return size - len(last) if is_cut_off([*map(_plain, cells)], [[*map(_plain, row)] for row in others]) else size
+
+
+def _plain(cell: str) -> str:
+    """A cell without quotes, its decimal comma as a point."""
+    return cell.strip().strip('"').replace(",", ".")
 
 
 def _misfit(message: str) -> str:

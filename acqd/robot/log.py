@@ -18,6 +18,7 @@ from acqd.robot.doubtful_rows import doubtful_rows
 from acqd.robot.garbled import BEYOND, FEW, beyond_limit, clock_restart, garbled_rows, impossible_jump, limits, reach
 from acqd.robot.joint_refresh import between_refreshes, frozen
 from acqd.robot.labels import Texts
+from acqd.robot.last_line import LEFT_OUT
 from acqd.robot.log_layout import LABELS, PER_AXIS, Columns, layout_of, more_axes, twice, why_not, word_columns
 from acqd.robot.motion_quality import MotionQuality
 from acqd.robot.resolution import smoothed, smoothing_of, steps_of
@@ -143,9 +144,12 @@ def log_of(path: Path, table: Table, robot: RobotDescription) -> RobotLog:
         frozen_rows=int(stale.any(axis=1).sum()),
         rebuilt=stamps,
     )
+    notes = [log.note, LEFT_OUT if table.note else ""]
     if more := more_axes(table, robot, found[0]):
-        axes = f"has {robot.axes + more} axes, {robot.name} has {robot.axes}: the others are not used; is it its log?"
-        log = replace(log, note=f"{log.note}; {axes}" if log.note else axes)
+        notes.append(
+            f"has {robot.axes + more} axes, {robot.name} has {robot.axes}: the others are not used; is it its log?"
+        )
+    log = replace(log, note="; ".join(filter(None, notes)))
     return _trusted(log, robot, quality, q_step, table)
 
 

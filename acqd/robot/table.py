@@ -39,8 +39,8 @@ def read_table(path: Path, broken_share: float = 0.0, words: Collection[str] = (
     """A table separated by commas, semicolons, tabs or spaces, with a header or without, or a Parquet file.
 
     Blank lines are skipped. Commas are decimal where semicolons, tabs or spaces separate the columns. Up to
-    `broken_share` of the rows may have a wrong number of cells. Columns named `words` are read as text, too. Raises
-    InputError, UserError (Parquet without pyarrow).
+    `broken_share` of the rows may have a wrong number of cells, and a last line that is cut off is left out then.
+    Columns named `words` are read as text, too. Raises InputError, UserError (Parquet without pyarrow).
     """
     if path.suffix == ".parquet":
         return _read_parquet(path, words)
@@ -53,6 +53,8 @@ def read_table(path: Path, broken_share: float = 0.0, words: Collection[str] = (
     if len(table.broken) > broken_share * len(table.values):
         row = min(table.broken)
         raise InputError(path, f"row {table.line(row)} {table.broken[row]}")
+    if table.note and not broken_share:
+        raise InputError(path, table.note)
     return table
 
 
