@@ -83,12 +83,12 @@ def csv_batches(path: Path, notes: list[str]) -> Iterator[pa.RecordBatch]:
     """
     with path.open("rb") as raw:
         file = text_of(path, raw)
-        head = file.readline()
+        start, head = _header(path, file)
         mark = next((mark for mark in (b",", b";", b"\t") if mark in head), b",").decode()
         parse = pyarrow.csv.ParseOptions(delimiter=mark)
         convert = pyarrow.csv.ConvertOptions(decimal_point="," if mark == ";" else ".")
         end = _end_of_whole_lines(file, head, parse)
-        whole = _Beginning(file, end)
+        whole = _Part(file, start, end)
         try:
             yield from pyarrow.csv.open_csv(whole, read_options=_READ, parse_options=parse, convert_options=convert)
         except pa.ArrowInvalid as error:
@@ -101,12 +101,25 @@ def _cut_off(path: Path) -> str:
     return f"power {path}: {LEFT_OUT}"
 
 
-class _Beginning(io.RawIOBase):
-    """The first bytes of a file."""
+def _header(path: Path, file: BinaryIO) -> tuple[int, bytes]:
+    """Where the header begins behind comments (#), and behind the line by which Excel knows the separator; the header.
 
-    def __init__(self, file: BinaryIO, size: int) -> None:
-        file.seek(0)
-        self._file, self._left = file, size
+    Raises InputError where the header itself is a comment.
+    """
+    start, comment, head = 0, b"", file.readline()
+    while head.startswith(b"#") or head.lower().removeprefix(b"\xef\xbb\xbf").startswith(b"sep="):
+        start, comment, head = file.tell(), head, file.readline()
+    if b"P" in re.findall(rb"\w+", comment) and b"P" not in re.findall(rb"\w+", head):
+        raise InputError(path, "its header is a comment: remove the # before the names of the columns")
+    return start, head
+
+
+class _Part(io.RawIOBase):
+    """The bytes of a file from `start` up to `end`."""
+
+    def __init__(self, file: BinaryIO, start: int, end: int) -> None:
+        file.seek(start)
+        self._file, self._left = file, end - start
 
     def readable(self) -> bool:
         return True

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from acqd.arrays import Floats
 from acqd.errors import InputError
 from acqd.robot.bag import is_bag, read_bag
-from acqd.robot.columns import speed_fault, stuck, temperature_fault
+from acqd.robot.columns import angle_fault, speed_fault, stuck, temperature_fault
 from acqd.robot.description import LogColumns, RobotDescription
 from acqd.robot.doubtful_rows import doubtful_rows
 from acqd.robot.garbled import BEYOND, FEW, beyond_limit, clock_restart, garbled_rows, impossible_jump, limits, reach
@@ -275,6 +275,8 @@ def _trusted(log: RobotLog, robot: RobotDescription, found: MotionQuality, q_ste
     )
     unusable = {}
     if log.qd is not None and "qd" not in constant:
+        if degrees := angle_fault(stamps[new], log.q[rows[new]], log.qd[rows[new]], robot):
+            raise InputError(log.path, degrees)
         unusable["qd"] = speed_fault(stamps[new], log.q[rows[new]], log.qd[rows[new]], robot)
     if log.temperature is not None and "temperature" not in constant:
         unusable["temperature"] = temperature_fault(log.temperature)

@@ -25,6 +25,8 @@ _LONGEST_LINE = 1 << 16
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 _QUOTED = re.compile('"[^"]*"')
 _DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:")
+_CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1f]")
+"""Bytes that no text has."""
 _TITLES = 20
 """Lines before the header that may be titles."""
 _LIST = re.compile(r"[\[(]\s*[-+.\d]")
@@ -91,7 +93,7 @@ def text_tables(path: Path, file: BinaryIO, words: Collection[str] = ()) -> Iter
                         f"row {numbered[0][0]}: a cell holds a list; expected one number in each cell: write a "
                         "column for each joint, such as q1, q2 ...",
                     )
-            whole = numbered if ended else layout.whole(numbered)
+            whole = numbered if ended or not numbered else layout.whole(numbered)
             if whole:
                 rows = True
                 yield replace(layout.table(whole), note="" if len(whole) == len(numbered) else CUT_OFF)
@@ -137,11 +139,21 @@ def _blocks(path: Path, file: BinaryIO) -> Iterator[tuple[list[tuple[int, str]],
                 raise InputError(path, f"has a line of more than {_LONGEST_LINE} bytes; expected rows of numbers")
             block += rest
         # some recorders end lines with \r\r\n: one end of a line, not two
-        lines = block.decode(encoding).replace("\r\r\n", "\n").splitlines()
+        lines = _decoded(block, encoding).replace("\r\r\n", "\n").splitlines()
         numbered = [(k, line) for k, line in enumerate(lines, number) if line.strip()]
         number, encoding = number + len(lines), "utf-8"
         if numbered:
             yield numbered, block.endswith((b"\n", b"\r"))
+
+
+def _decoded(block: bytes, encoding: str) -> str:
+    """Text of a block; where that is no UTF-8, in Western Europe's encoding: digits are the same in all of one byte."""
+    try:
+        return block.decode(encoding)
+    except UnicodeDecodeError:
+        if _CONTROL.search(block):
+            raise
+        return block.decode("cp1252", errors="replace")
 
 
 @dataclass(frozen=True, slots=True)
