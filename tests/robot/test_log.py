@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from acqd.errors import InputError
 from acqd.robot import load_description
 from acqd.robot.description import LogColumns
-from acqd.robot.log import read_log, require_rising
+from acqd.robot.log import require_rising
+from acqd.robot.log_reader import read_log
 from tests.places import ROBOT_LOGS, needs_robot_logs
 
 WITH_TORQUES = ("opti_traj_testing1", "opti_traj_testing2")
