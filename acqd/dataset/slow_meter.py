@@ -21,6 +21,8 @@ _SHORTEST_S, _LONGEST_S, _MORE = 0.1, 2.4, 1.25
 _MEAN_OVER_CONSTANT = float(np.sqrt(12))
 """Time of a mean over the time constant of a filter that smooths slow changes as much."""
 _STEPS = 6
+_WORSE = 3
+"""Worse fits in turn that end a search."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,18 +63,25 @@ def slow_meter(
 
     `before` is the fit to the recordings without smoothing; at their lags, there is power.
     """
-    inflation, scale_W = before.inflation, before.scale_W
+    tried = [each for mean in (True, False) for each in _tried(recordings, power, before, supply_lag_s, mean=mean)]
+    scale_W = min(each.fit.scale_W for each in tried)
+    return tried[int(np.argmin([biweight_loss(each.fit.residual, scale_W) for each in tried]))]
+
+
+def _tried(
+    recordings: list[tuple[Regressors, Lag]], power: PowerStream, before: CommonFit, supply_lag_s: float, *, mean: bool
+) -> list[SlowMeter]:
+    """Fits with longer and longer means or filters, until they become worse."""
     tried: list[SlowMeter] = []
-    for mean in (True, False):
-        last, at_s = before, _SHORTEST_S
-        while at_s <= _LONGEST_S:
-            average_s, constant_s = (at_s, supply_lag_s) if mean else (0.0, at_s / _MEAN_OVER_CONSTANT)
-            last = _fitted(recordings, power, last, (constant_s, average_s))
-            tried.append(SlowMeter(average_s, constant_s, last))
-            scale_W = min(scale_W, last.scale_W)
-            at_s *= _MORE
-    losses = [biweight_loss(each.fit.residual, scale_W) / inflation for each in tried]
-    return tried[int(np.argmin(losses))]
+    losses: list[float] = []
+    last, at_s = before, _SHORTEST_S
+    while at_s <= _LONGEST_S and int(np.argmin(losses or [0.0])) >= len(losses) - _WORSE:
+        average_s, constant_s = (at_s, supply_lag_s) if mean else (0.0, at_s / _MEAN_OVER_CONSTANT)
+        last = _fitted(recordings, power, last, (constant_s, average_s))
+        tried.append(SlowMeter(average_s, constant_s, last))
+        losses.append(biweight_loss(last.residual, before.scale_W))
+        at_s *= _MORE
+    return tried
 
 
 def _fitted(

@@ -84,8 +84,9 @@ def supply_lag(
     at, usual, low, high = np.interp([mean, USUAL_LAG_S, mean - error, mean + error], _CANDIDATES_S, middles)
     nearest = fits[int(np.abs(_CANDIDATES_S - mean).argmin())]
     if at_end:
-        known = [(regressors[k], lags[k]) for k in chosen]
-        return _behind_slow_meter(slow_meter(known, power, nearest, USUAL_LAG_S), chosen, float(usual))
+        meter = slow_meter([(regressors[k], lags[k]) for k in chosen], power, nearest, USUAL_LAG_S)
+        if meter.average_s or meter.constant_s > _CANDIDATES_S[-1]:  # else a supply can be so slow
+            return _behind_slow_meter(meter, chosen, float(usual))
     final = fit_common([o.behind_supply(mean) for o in overlaps], nearest.lags_s, nearest.weights, _STEPS)
     return SupplyLag(mean, error, float(at - usual), abs(float(high - low)) / 2, chosen, final)
 

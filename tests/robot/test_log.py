@@ -213,3 +213,16 @@ def test_whatever_is_in_some_cells_the_log_is_read_or_refused(tmp_path_factory, 
         return
     unmeasured = int((~np.isfinite(values[:, 1:])).any(axis=1).sum())  # left out beside one row in a hundred
     assert np.isfinite(log.q).all() and np.ptp(log.time) < 60 and len(log.time) >= ROWS - 4 - unmeasured
+
+
+def test_small_angles_in_degrees_are_known_by_their_speeds(tmp_path):
+    t = 0.01 * np.arange(600)
+    q, qd = 0.05 * np.sin(2 * t)[:, None] * np.ones(6), 0.1 * np.cos(2 * t)[:, None] * np.ones(6)
+    names = ["time", *(f"{name}{k + 1}" for name in ("q", "qd") for k in range(6))]
+    path = tmp_path / "log.csv"
+    for angles in (q, np.degrees(q)):
+        np.savetxt(path, np.column_stack([t, angles, qd]), "%.9f", ",", header=",".join(names), comments="")
+        if angles is q:
+            assert read_log(path, load_description("ur10e")).qd is not None
+    with pytest.raises(InputError, match="the angles are in degrees; write radians"):
+        read_log(path, load_description("ur10e"))
