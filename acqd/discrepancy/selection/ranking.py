@@ -140,7 +140,7 @@ def _judged(
         D = _deviations(candidate, deviations[positions])
         bounds = bounds_of(candidate)
         theta, deviation, evidence = posterior(S, h, D, *bounds)
-        paid = 2 * np.log(candidate.tried) + candidate.cost * searched
+        paid = 2 * np.log(candidate.tried) + candidate.cost * searched + rate * candidate.usual
         joints = 0.0 if at_joints is None else at_joints.gain(theta)
         forbidden = beyond_bounds(S + np.diag(D**-2.0), h, theta, *bounds)
         yield number, Finding(candidate, theta, deviation, evidence - float(paid), joints, forbidden)

@@ -137,10 +137,7 @@ class Step:
         return Standing.of([self._contender(each) for each in kinds], self.beyond)
 
     def _contender(self, finding: Finding) -> Contender:
-        """With the power in every block in question, zero before an onset.
-
-        Of what was searched for in the residual, the evidence above what the same search gains in the reference counts.
-        """
+        """With the power in every block in question, zero before an onset."""
         fit = self.fits.get(finding.candidate.id)
         design = (self.rows if fit is None else fit.rows).design
         everywhere = self.state.gates[0].open
@@ -150,9 +147,7 @@ class Step:
             power = power * np.repeat(self.gate.open, np.array(counts) * (everywhere > 0))
         twin = finding.candidate.twin
         other = None if twin is None else (twin.id, twin.probability)
-        detection = self.detections.get(finding.candidate.key)
-        usual = 0.0 if detection is None or detection.refinable else self.rows.learning_rate * detection.in_reference()
-        return Contender(finding.candidate.id, finding.evidence - max(usual, 0.0), power, other)
+        return Contender(finding.candidate.id, finding.evidence, power, other)
 
     @property
     def unknown(self) -> Unknown:

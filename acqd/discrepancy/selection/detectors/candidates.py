@@ -56,7 +56,10 @@ class Detection:
     def candidate(self, indices: Indices, key: str, model: GreyBox) -> Candidate:
         """The hypothesis in the arm of `model`, once the design holds its columns at `indices`."""
         if self.effect is None:
-            return Candidate("", self.label, indices, detected=True, cost=self.cost, tried=self.tried, key=key)
+            return Candidate(
+                "", self.label, indices, detected=True, cost=self.cost, tried=self.tried, key=key,
+                usual=self.in_reference(),
+            )  # fmt: skip
         place = self.effect.detected_place(self.shape, model)
         variant = Variant(place, place.columns, self.shape)
         twin = None
@@ -65,12 +68,12 @@ class Detection:
             twin = Twin(other.id, other.detected_place(self.shape, model).where, probability)
         return Candidate(
             self.effect.id, place.where, indices, variant, detected=True, cost=self.cost, tried=self.tried, key=key,
-            twin=twin,
+            twin=twin, usual=self.in_reference(),
         )  # fmt: skip
 
     def in_reference(self) -> float:
-        """Twice the log-likelihood ratio that the same search gains in the reference."""
-        return 2 * self.by_chance()
+        """Twice the log-likelihood ratio that the same search gains in the reference, at least 0."""
+        return max(2 * self.by_chance(), 0.0)
 
 
 def detect(design: Design, regression: Regression, gate: Floats, known: set[str]) -> list[Detection]:
