@@ -9,6 +9,8 @@ from acqd.arrays import Floats
 
 _NORMAL = 1.4826
 """Standard deviation of a normal distribution over its median absolute deviation: 1 / Phi^-1(3/4)."""
+NORMAL_95 = 1.96
+"""Half the width of a 95 % interval, in standard errors."""
 BIWEIGHT_END = 4.685
 """Standard deviations beyond which Tukey's biweight is 0: 95 % efficiency for normal values (Huber 1981)."""
 

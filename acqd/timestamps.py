@@ -17,6 +17,7 @@ from acqd.errors import InputError
 
 Nanoseconds: TypeAlias = NDArray[np.int64]
 _FILETIME_1970 = 116_444_736_000_000_000  # 100 ns from 1601-01-01 to 1970-01-01
+_FILETIME_2100 = 157_469_184_000_000_000
 _LEAP_SECOND = re.compile(r"(.*T\d\d:\d\d:)60", re.DOTALL)
 """A second that clocks insert (RFC 3339, appendix D); Unix time has the next one in its place."""
 _MOST_NS = 2**63 - 2**32
@@ -49,6 +50,8 @@ def parse_times(path: Path, name: str, cells: Sequence[object]) -> Nanoseconds:
     unit = next((unit for bound, unit in _UNITS if largest < bound), None)
     if unit is None:
         raise InputError(path, f"column {name}: {largest:g} is not a Unix time in s, ms, us or ns")
+    if _FILETIME_1970 < largest < _FILETIME_2100:  # as ns, of 1973 or 1974
+        raise InputError(path, f"column {name}: {largest:.6g} looks like a FILETIME: name the column filetime")
     _require_times(path, name, float(values.min()) * unit, float(values.max()) * unit)
     if all(isinstance(cell, int) for cell in cells[:1]):
         return np.array(cells, dtype=np.int64) * unit

@@ -5,7 +5,7 @@ from __future__ import annotations
 from acqd.api.places import Place, path_of
 from acqd.api.robot import Robot
 from acqd.robot.log import RobotLog
-from acqd.robot.log import read_log as read
+from acqd.robot.log_reader import read_log as read
 
 __all__ = ["RobotLog", "read_log"]
 

@@ -102,8 +102,13 @@ class Overlap:
         return replace(self, columns=behind_supply(self.columns, lag_s))
 
 
-def overlap(regressors: Regressors, power: PowerStream, supply_lag_s: float, coarse: Lag) -> Overlap | None:
-    """What log and stream have in common near the coarse lag; None when that is too little for a regression."""
+def overlap(
+    regressors: Regressors, power: PowerStream, supply_lag_s: float, coarse: Lag, average_s: float = 0.0
+) -> Overlap | None:
+    """What log and stream have in common near the coarse lag; None when that is too little for a regression.
+
+    `average_s`: time over which the meter averages, if that is longer than the time between its rows.
+    """
     window_s = power.window_ns * 1e-9
     t, span = regressors.t, _SPAN * window_s
     count = int((t[-1] - t[0] + 2 * span) / window_s)
@@ -118,7 +123,7 @@ def overlap(regressors: Regressors, power: PowerStream, supply_lag_s: float, coa
         inside &= regressors.known[np.clip(row, 0, len(t) - 1)]
     if inside.sum() < 2 * regressors.columns.shape[1]:
         return None
-    columns = band_limited(regressors.as_metered(supply_lag_s, window_s), STEP_S)
+    columns = band_limited(regressors.as_metered(supply_lag_s, max(window_s, average_s)), STEP_S)
     return Overlap(t, columns, at[inside], band_limited(P, window_s)[inside])
 
 

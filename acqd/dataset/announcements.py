@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from acqd.dataset.clock_line import ClockLine
 from acqd.dataset.supply_lag import SupplyLag
+from acqd.numerics import NORMAL_95
 
-NORMAL_95 = 1.96
-"""Half the width of a 95 % interval, in standard errors."""
 ANNOUNCED_S = 0.01
 """A 95 % interval that is wider than +- this is announced."""
 
@@ -24,12 +23,8 @@ def step_notes(line: ClockLine | None, names: list[str]) -> list[str]:
 
 def supply_notes(within_s: list[float], supply: SupplyLag) -> list[str]:
     """One line if the supply makes lags uncertain; `within_s` holds half the width of each lag's 95 % interval."""
-    if supply.at_end:
-        return [
-            f"the supply's lag comes out at {1000 * supply.seconds:.0f} ms, the end of what supplies have: power or "
-            "motion is smoothed or late; does the meter average or repeat its values, or the recorder its poses? The "
-            f"lags are uncertain by {1000 * max(within_s, default=0.0):.0f} ms (95 %)"
-        ]
+    if supply.meter:
+        return [f"{supply.meter}. The lags are uncertain by {1000 * max(within_s, default=0.0):.0f} ms (95 %)"]
     wide = [within for within in within_s if within > ANNOUNCED_S]
     if not wide or NORMAL_95 * supply.shared_error_s < ANNOUNCED_S / 2:
         return []  # then each wide interval is announced with its recording

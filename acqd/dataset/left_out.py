@@ -84,7 +84,8 @@ class Judge:
         return None if found is None else self._judged(_Predicted(found, self._weights(k)), lag_s)
 
     def _overlap(self, k: int, near_s: float) -> Overlap | None:
-        return overlap(self._regressors[k], self._power, self._supply.seconds, Lag(near_s, 0.0, 1.0))
+        near = Lag(near_s, 0.0, 1.0)
+        return overlap(self._regressors[k], self._power, self._supply.seconds, near, self._supply.average_s)
 
     def _weights(self, k: int) -> Floats:
         """Weights without the recordings of the same programme, or all weights if too few others remain."""

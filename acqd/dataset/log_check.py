@@ -43,8 +43,8 @@ def check_log(log: RobotLog, robot: RobotDescription) -> None:
             log.path,
             f"has a row every {step_s:.3g} s, expected one every {SLOWEST_S} s or faster: "
             + (
-                "is its time in ms? Write s"
-                if 1.0 <= step_s <= 1000 * SLOWEST_S
+                "is its time in ms or us? Write s"
+                if 1.0 <= step_s <= 1e6 * SLOWEST_S
                 else "the motion between the rows is unknown; record at 25 Hz or more"
             ),
         )

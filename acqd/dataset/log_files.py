@@ -14,7 +14,8 @@ from acqd.errors import InputError, UserError
 from acqd.robot.bag import SUFFIXES as BAGS
 from acqd.robot.bag import is_bag
 from acqd.robot.description import RobotDescription
-from acqd.robot.log import RobotLog, read_log
+from acqd.robot.log import RobotLog
+from acqd.robot.log_reader import read_log
 
 _SUFFIXES = (".log", ".csv", ".txt", ".parquet", *BAGS)
 _Value = TypeVar("_Value")

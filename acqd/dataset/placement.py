@@ -10,7 +10,7 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.dataset.align import SEARCH_S, Lag
-from acqd.dataset.announcements import ANNOUNCED_S, NORMAL_95, step_notes, supply_notes
+from acqd.dataset.announcements import ANNOUNCED_S, step_notes, supply_notes
 from acqd.dataset.clock_line import ClockLine, deviates, fit_line
 from acqd.dataset.left_out import Judge, Judgement
 from acqd.dataset.own_lags import own_lags
@@ -18,6 +18,7 @@ from acqd.dataset.power import PowerStream
 from acqd.dataset.regressors import STEP_S, Regressors
 from acqd.dataset.split import sources_of
 from acqd.dataset.supply_lag import SupplyLag, supply_lag
+from acqd.numerics import NORMAL_95
 
 _CONTRADICTION = 4.0  # residual under the regression of the others, over its usual residual
 _MIN_RESIDUAL_W = 0.3

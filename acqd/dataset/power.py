@@ -96,7 +96,9 @@ def open_power(
     engine: sa.Engine | None = None,
     zone: str | None = None,
 ) -> PowerStream:
-    """Rows of `device` and `channel` (None: the only device; total, else L1) from a URL or file. Raises UserError.
+    """Rows of a device and channel (None: the only device; total, or the only channel) from a URL or file.
+
+    Raises UserError.
 
     They go into a temporary file that is mapped, so that a stream may be larger than memory. `between_ns` (UTC) asks
     a database for a part only; `engine` is that database if it is open already. `zone` (IANA, such as Europe/Berlin) is

@@ -19,6 +19,7 @@ from acqd.dataset.power_source import BLOCK_ROWS, PowerRows, choose
 from acqd.dataset.schema import UTC_NS
 from acqd.errors import InputError, UserError
 from acqd.parquet_size import check_size
+from acqd.robot.last_line import LEFT_OUT, MOST_ROWS, is_cut_off
 from acqd.robot.table import text_of
 from acqd.timestamps import Nanoseconds, parse_times
 
@@ -82,12 +83,12 @@ def csv_batches(path: Path, notes: list[str]) -> Iterator[pa.RecordBatch]:
     """
     with path.open("rb") as raw:
         file = text_of(path, raw)
-        head = file.readline()
+        start, head = _header(path, file)
         mark = next((mark for mark in (b",", b";", b"\t") if mark in head), b",").decode()
         parse = pyarrow.csv.ParseOptions(delimiter=mark)
         convert = pyarrow.csv.ConvertOptions(decimal_point="," if mark == ";" else ".")
         end = _end_of_whole_lines(file, head, parse)
-        whole = _Beginning(file, end)
+        whole = _Part(file, start, end)
         try:
             yield from pyarrow.csv.open_csv(whole, read_options=_READ, parse_options=parse, convert_options=convert)
         except pa.ArrowInvalid as error:
@@ -97,15 +98,28 @@ def csv_batches(path: Path, notes: list[str]) -> Iterator[pa.RecordBatch]:
 
 
 def _cut_off(path: Path) -> str:
-    return f"power {path}: its last line is cut off and left out: was the recorder stopped hard?"
+    return f"power {path}: {LEFT_OUT}"
 
 
-class _Beginning(io.RawIOBase):
-    """The first bytes of a file."""
+def _header(path: Path, file: BinaryIO) -> tuple[int, bytes]:
+    """Where the header begins behind comments (#), and behind the line by which Excel knows the separator; the header.
 
-    def __init__(self, file: BinaryIO, size: int) -> None:
-        file.seek(0)
-        self._file, self._left = file, size
+    Raises InputError where the header itself is a comment.
+    """
+    start, comment, head = 0, b"", file.readline()
+    while head.startswith(b"#") or head.lower().removeprefix(b"\xef\xbb\xbf").startswith(b"sep="):
+        start, comment, head = file.tell(), head, file.readline()
+    if b"P" in re.findall(rb"\w+", comment) and b"P" not in re.findall(rb"\w+", head):
+        raise InputError(path, "its header is a comment: remove the # before the names of the columns")
+    return start, head
+
+
+class _Part(io.RawIOBase):
+    """The bytes of a file from `start` up to `end`."""
+
+    def __init__(self, file: BinaryIO, start: int, end: int) -> None:
+        file.seek(start)
+        self._file, self._left = file, end - start
 
     def readable(self) -> bool:
         return True
@@ -119,7 +133,7 @@ class _Beginning(io.RawIOBase):
 
 
 def _end_of_whole_lines(file: BinaryIO, head: bytes, parse: pyarrow.csv.ParseOptions) -> int:
-    """Bytes before a last line that has no end and fewer columns than the header; of any other file, all."""
+    """Bytes before a last line that has no end and is a part of a line; of any other file, all."""
     size = file.seek(0, os.SEEK_END)
     file.seek(max(0, size - _LONGEST_LINE))
     text = file.read()
@@ -132,7 +146,16 @@ def _end_of_whole_lines(file: BinaryIO, head: bytes, parse: pyarrow.csv.ParseOpt
         misfit = _MISFIT.search(str(error))
         if misfit is not None and int(misfit["actual"]) < int(misfit["expected"]):
             return size - len(last)
-    return size
+    lines = text[: len(text) - len(last)].splitlines()[-MOST_ROWS:]
+    lines = lines[1:] if size <= _LONGEST_LINE + len(head) else lines  # without the header
+    mark = parse.delimiter.encode()
+    *others, cells = [line.decode(errors="replace").split(mark.decode()) for line in [*lines, last] if line.strip()]
+    return size - len(last) if is_cut_off([*map(_plain, cells)], [[*map(_plain, row)] for row in others]) else size
+
+
+def _plain(cell: str) -> str:
+    """A cell without quotes, its decimal comma as a point."""
+    return cell.strip().strip('"').replace(",", ".")
 
 
 def _misfit(message: str) -> str:

@@ -48,7 +48,7 @@ class PowerRows:
 
 
 def choose(origin: str, present: set[tuple[str, str]], device: str | None, channel: str | None) -> tuple[str, str]:
-    """Device and channel among the present pairs: the only device, and total, else L1. Raises UserError."""
+    """Device and channel among the present pairs: the only device, and total, or the only one. Raises UserError."""
     devices = sorted({name for name, _ in present})
     if not devices:
         raise UserError(f"power {origin}: holds no rows")
@@ -58,6 +58,11 @@ def choose(origin: str, present: set[tuple[str, str]], device: str | None, chann
     channels = sorted(name for owner, name in present if owner == device)
     if not channels:
         raise UserError(f"power {origin}: has no device {device!r}; it has {', '.join(devices)}")
+    if channel is None and len(channels) > 1 and "total" not in channels:
+        raise UserError(
+            f"power {origin}: {device} has no total, but {', '.join(channels)}: choose one with --channel, or add rows "
+            "of their sum with the channel total"
+        )
     channel = channel or ("total" if "total" in channels else channels[0])
     if channel not in channels:
         raise UserError(f"power {origin}: {device} has no channel {channel!r}; it has {', '.join(channels)}")

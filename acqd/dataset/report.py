@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 
 from acqd.dataset.align import SEARCH_S
-from acqd.dataset.announcements import NORMAL_95
 from acqd.dataset.config import BuildConfig
 from acqd.dataset.figures import (
     before_and_after_figure,
@@ -21,6 +20,7 @@ from acqd.dataset.figures import (
 )
 from acqd.dataset.merged_log import Batch, MergedLog
 from acqd.dataset.regressors import STEP_S, Regressors
+from acqd.numerics import NORMAL_95
 from acqd.report import KeyFigure, Page, Verdict
 from acqd.report.digits import FEWEST_FOR_INTERVAL, counted, duration
 from acqd.report.lines import Chart, Line, Panel

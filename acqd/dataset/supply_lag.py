@@ -17,7 +17,8 @@ from acqd.dataset.align import Lag, Overlap, overlap
 from acqd.dataset.common_fit import CommonFit, fit_common
 from acqd.dataset.power import PowerStream
 from acqd.dataset.regressors import Regressors
-from acqd.numerics import biweight_loss
+from acqd.dataset.slow_meter import SlowMeter, slow_meter
+from acqd.numerics import NORMAL_95, biweight_loss
 
 USUAL_LAG_S = 0.015
 """Lag of a usual supply: its bulk capacitor delays by most of a mains period. Assumed for one or two recordings."""
@@ -52,8 +53,10 @@ class SupplyLag:
     """Indices of the recordings in `fit`."""
     fit: CommonFit | None
     """None with fewer than three recordings."""
-    at_end: bool = False
-    """Whether the recordings ask for more than the prior allows: then they, not the supply, are at fault."""
+    average_s: float = 0.0
+    """Time over which the meter averages where that is longer than the time between its rows."""
+    meter: str = ""
+    """What a user should know of a meter that smooths more than any supply."""
 
 
 def supply_lag(
@@ -76,12 +79,26 @@ def supply_lag(
     ):  # what the smoothing hides looks like a longer supply lag
         mean, error, at_end = USUAL_LAG_S, _COARSE_ERROR_S, False
     misfit = _MODEL_ERROR_S if len(chosen) >= _FEW_RECORDINGS else _UNKNOWN_ERROR_S
-    error = float(np.hypot(error, _LONGEST_S / 3 if at_end else misfit))
+    error = float(np.hypot(error, misfit))
     middles = np.array([float(np.median(fit.lags_s)) for fit in fits])
     at, usual, low, high = np.interp([mean, USUAL_LAG_S, mean - error, mean + error], _CANDIDATES_S, middles)
     nearest = fits[int(np.abs(_CANDIDATES_S - mean).argmin())]
+    if at_end:
+        meter = slow_meter([(regressors[k], lags[k]) for k in chosen], power, nearest, USUAL_LAG_S)
+        if meter.average_s or meter.constant_s > _CANDIDATES_S[-1]:  # else a supply can be so slow
+            return _behind_slow_meter(meter, chosen, float(usual))
     final = fit_common([o.behind_supply(mean) for o in overlaps], nearest.lags_s, nearest.weights, _STEPS)
-    return SupplyLag(mean, error, float(at - usual), abs(float(high - low)) / 2, chosen, final, at_end)
+    return SupplyLag(mean, error, float(at - usual), abs(float(high - low)) / 2, chosen, final)
+
+
+def _behind_slow_meter(meter: SlowMeter, chosen: list[int], usual_s: float) -> SupplyLag:
+    """What the recordings `chosen` say of supply and meter together; `usual_s`: their median lag without the meter."""
+    shift_s = float(np.median(meter.fit.lags_s)) - usual_s
+    error_s = meter.stamp_error_s / NORMAL_95
+    return SupplyLag(
+        meter.constant_s, _UNKNOWN_ERROR_S if meter.average_s else error_s, shift_s, error_s, chosen, meter.fit,
+        meter.average_s, meter.sentence(),
+    )  # fmt: skip
 
 
 def _overlaps(regressors: list[Regressors], power: PowerStream, lags: list[Lag]) -> list[tuple[int, Overlap]]:

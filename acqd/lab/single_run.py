@@ -25,7 +25,7 @@ from acqd.motion.program_file import read_program
 from acqd.motion.replayed_log import motion_of
 from acqd.motion.trajectory import read_trajectory
 from acqd.robot.collision import require_free
-from acqd.robot.log import read_log
+from acqd.robot.log_reader import read_log
 from acqd.robot.table import read_table
 
 

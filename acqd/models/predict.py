@@ -15,8 +15,9 @@ from acqd.models.bundle.bundle import Bundle
 from acqd.models.bundle.envelope import Envelope
 from acqd.models.predictor import Predictor
 from acqd.robot.description import load_description
-from acqd.robot.log import RobotLog, in_time, read_log
+from acqd.robot.log import RobotLog, in_time
 from acqd.robot.log_ends import unknown_ends
+from acqd.robot.log_reader import read_log
 
 _GAP_S = 0.25
 _MIN_ROWS = 3

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 from collections.abc import Collection
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -20,17 +21,31 @@ __all__ = ["Table", "read_table", "text_of"]
 _FORMATS = {
     b"\x1f\x8b": "is compressed; unpack it first: gunzip FILE",
     b"BZh": "is compressed; unpack it first: bunzip2 FILE",
+    b"\x28\xb5\x2f\xfd": "is compressed; unpack it first: unzstd FILE",
+    b"\xfd7zXZ": "is compressed; unpack it first: unxz FILE",
+    b"\x04\x22\x4d\x18": "is compressed; unpack it first: unlz4 FILE",
+    b"7z\xbc\xaf": "is a 7z archive; unpack it first: 7z x FILE",
     b"PK\x03\x04": "is a zip file, as .xlsx and .npz are; write its table as CSV",
     b"\xd0\xcf\x11\xe0": "is an Excel file; save the sheet as CSV",
     b"\x89HDF": "is an HDF5 file, as .h5 and new .mat are; write its table as CSV or Parquet",
     b"MATLAB": "is a MATLAB file; write its table as CSV: writetable",
     b"\x93NUMPY": "is an array of NumPy; write it as CSV with a header: numpy.savetxt",
     b"PAR1": "is a Parquet file; name it .parquet",
+    b"ARROW1": "is a Feather file; write its table as CSV or Parquet",
+    b"\x80": "is a pickle of Python, which is not read; write its table as CSV or Parquet",
     b"SQLite format 3": "is an SQLite database; write its table as CSV (a ROS 2 bag is the folder with metadata.yaml)",
     b"version https://git-lfs": "is only a pointer of Git LFS; fetch the file itself: git lfs pull",
     b"<": "is a page or XML, not a table; download the file itself",
 }
 """What begins like this, and what to do."""
+_HEAD = 64
+_ENCODINGS = {
+    re.compile(rb"\xff\xfe\0\0|\0\0\xfe\xff"): "utf-32",
+    re.compile(rb"\xff\xfe|\xfe\xff"): "utf-16",
+    re.compile(rb"(?:[\t\n\r -~]\0){8}"): "utf-16-le",
+    re.compile(rb"(?:\0[\t\n\r -~]){8}"): "utf-16-be",
+}
+"""Beginnings of text in other encodings, by their mark or by the zeros between the characters."""
 _POSES = ("q", "position", "positions", "actual_q", "joint_positions")
 """Names of columns that hold all angles of a row as a list."""
 
@@ -39,8 +54,8 @@ def read_table(path: Path, broken_share: float = 0.0, words: Collection[str] = (
     """A table separated by commas, semicolons, tabs or spaces, with a header or without, or a Parquet file.
 
     Blank lines are skipped. Commas are decimal where semicolons, tabs or spaces separate the columns. Up to
-    `broken_share` of the rows may have a wrong number of cells. Columns named `words` are read as text, too. Raises
-    InputError, UserError (Parquet without pyarrow).
+    `broken_share` of the rows may have a wrong number of cells, and a last line that is cut off is left out then.
+    Columns named `words` are read as text, too. Raises InputError, UserError (Parquet without pyarrow).
     """
     if path.suffix == ".parquet":
         return _read_parquet(path, words)
@@ -53,18 +68,21 @@ def read_table(path: Path, broken_share: float = 0.0, words: Collection[str] = (
     if len(table.broken) > broken_share * len(table.values):
         row = min(table.broken)
         raise InputError(path, f"row {table.line(row)} {table.broken[row]}")
+    if table.note and not broken_share:
+        raise InputError(path, table.note)
     return table
 
 
 def text_of(path: Path, file: BinaryIO) -> BinaryIO:
     """The file, or its text in UTF-8. Raises InputError for known formats that are no text."""
-    head = file.read(64)
+    head = file.read(_HEAD)
     file.seek(0)
-    if head.startswith((b"\xff\xfe", b"\xfe\xff")):
-        try:
-            return io.BytesIO(file.read().decode("utf-16").encode())
-        except UnicodeDecodeError:
-            raise InputError(path, "cannot be read (no UTF-8 text, nor UTF-16)") from None
+    for mark, encoding in _ENCODINGS.items():
+        if mark.match(head):
+            try:
+                return io.BytesIO(file.read().decode(encoding).encode())
+            except UnicodeDecodeError:
+                raise InputError(path, f"cannot be read (no UTF-8 text, nor {encoding.upper()})") from None
     for magic, what in _FORMATS.items():
         if head.startswith(magic):
             raise InputError(path, what)
@@ -107,6 +125,8 @@ def _numbers(path: Path, name: str, column: Any) -> Floats:
     if types.is_timestamp(kind):
         ns = column.cast(pyarrow.timestamp("ns", kind.tz), safe=False).cast(pyarrow.int64())
         return np.asarray(ns.to_numpy().astype(np.float64) / 1e9)
+    if types.is_duration(kind):
+        return np.asarray(column.cast(pyarrow.duration("ns"), safe=False).cast(pyarrow.int64()).to_numpy() / 1e9)
     if types.is_integer(kind) or types.is_floating(kind) or types.is_decimal(kind):
         return np.asarray(column.cast(pyarrow.float64(), safe=False).to_numpy())
     if types.is_boolean(kind):

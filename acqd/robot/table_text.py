@@ -6,7 +6,7 @@ import csv
 import math
 import re
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import BinaryIO
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from acqd.arrays import Floats
 from acqd.errors import InputError
 from acqd.robot.labels import Texts, from_cells, from_numbers
+from acqd.robot.last_line import CUT_OFF, MOST_ROWS, is_cut_off
 
 _BLOCK_BYTES = 1 << 20
 _LONGEST_LINE = 1 << 16
@@ -24,6 +25,8 @@ _LONGEST_LINE = 1 << 16
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 _QUOTED = re.compile('"[^"]*"')
 _DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:")
+_CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1f]")
+"""Bytes that no text has."""
 _TITLES = 20
 """Lines before the header that may be titles."""
 _LIST = re.compile(r"[\[(]\s*[-+.\d]")
@@ -43,6 +46,8 @@ class Table:
     """What is wrong with the rows (by index) that have another number of cells than the first line: all are NaN."""
     words: dict[int, Texts] = field(default_factory=dict)
     """[rows] cells of the columns (by index) that were asked for as text."""
+    note: str = ""
+    """What a user should know of the file: a last line that was left out."""
 
     def texts(self, column: int) -> Texts:
         """[rows] cells of a column as text."""
@@ -64,7 +69,8 @@ def joined(tables: list[Table]) -> Table:
         rows += len(table.values)
     values = np.concatenate([table.values for table in tables])
     words = {column: np.concatenate([table.words[column] for table in tables]) for column in tables[0].words}
-    return Table(tables[0].header, values, np.concatenate([table.lines for table in tables]), broken, words)
+    lines = np.concatenate([table.lines for table in tables])
+    return Table(tables[0].header, values, lines, broken, words, tables[-1].note)
 
 
 def text_tables(path: Path, file: BinaryIO, words: Collection[str] = ()) -> Iterator[Table]:
@@ -74,7 +80,7 @@ def text_tables(path: Path, file: BinaryIO, words: Collection[str] = ()) -> Iter
     """
     layout, rows = None, False
     try:
-        for numbered in _blocks(path, file):
+        for numbered, ended in _blocks(path, file):
             if layout is None:
                 numbered = _without_titles(_without_comments(numbered))
                 layout = _Layout.of(numbered[0][1], words)
@@ -87,9 +93,10 @@ def text_tables(path: Path, file: BinaryIO, words: Collection[str] = ()) -> Iter
                         f"row {numbered[0][0]}: a cell holds a list; expected one number in each cell: write a "
                         "column for each joint, such as q1, q2 ...",
                     )
-            if numbered:
+            whole = numbered if ended or not numbered else layout.whole(numbered)
+            if whole:
                 rows = True
-                yield layout.table(numbered)
+                yield replace(layout.table(whole), note="" if len(whole) == len(numbered) else CUT_OFF)
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "no UTF-8 text"
         raise InputError(path, f"cannot be read ({reason})") from None
@@ -122,8 +129,8 @@ def _without_titles(numbered: list[tuple[int, str]]) -> list[tuple[int, str]]:
     return numbered
 
 
-def _blocks(path: Path, file: BinaryIO) -> Iterator[list[tuple[int, str]]]:
-    """Lines that are not blank with their numbers, in blocks."""
+def _blocks(path: Path, file: BinaryIO) -> Iterator[tuple[list[tuple[int, str]], bool]]:
+    """Lines that are not blank with their numbers, in blocks, and whether the last line of a block has an end."""
     number, encoding = 1, "utf-8-sig"
     while block := file.read(_BLOCK_BYTES):
         if len(block) == _BLOCK_BYTES and not block.endswith(b"\n"):
@@ -132,11 +139,21 @@ def _blocks(path: Path, file: BinaryIO) -> Iterator[list[tuple[int, str]]]:
                 raise InputError(path, f"has a line of more than {_LONGEST_LINE} bytes; expected rows of numbers")
             block += rest
         # some recorders end lines with \r\r\n: one end of a line, not two
-        lines = block.decode(encoding).replace("\r\r\n", "\n").splitlines()
+        lines = _decoded(block, encoding).replace("\r\r\n", "\n").splitlines()
         numbered = [(k, line) for k, line in enumerate(lines, number) if line.strip()]
         number, encoding = number + len(lines), "utf-8"
         if numbered:
-            yield numbered
+            yield numbered, block.endswith((b"\n", b"\r"))
+
+
+def _decoded(block: bytes, encoding: str) -> str:
+    """Text of a block; where that is no UTF-8, in Western Europe's encoding: digits are the same in all of one byte."""
+    try:
+        return block.decode(encoding)
+    except UnicodeDecodeError:
+        if _CONTROL.search(block):
+            raise
+        return block.decode("cp1252", errors="replace")
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,6 +176,13 @@ class _Layout:
         named = not all(_is_number(cell, separator) for cell in cells)
         columns = tuple(k for k, cell in enumerate(cells) if cell in words) if named else ()
         return cls(cells if named else None, separator, len(cells), columns)
+
+    def whole(self, numbered: list[tuple[int, str]]) -> list[tuple[int, str]]:
+        """Lines without the last one if that is a part of a line."""
+        *others, last = [
+            [self._cell(cell) for cell in _split(line, self.separator)] for _, line in numbered[-1 - MOST_ROWS :]
+        ]
+        return numbered[:-1] if is_cut_off(last, others) else numbered
 
     def table(self, numbered: list[tuple[int, str]]) -> Table:
         lines = np.array([number for number, _ in numbered])

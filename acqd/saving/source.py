@@ -20,7 +20,7 @@ from acqd.motion.replayed_log import motion_of
 from acqd.robot.arm import Arm
 from acqd.robot.collision import CollisionChecker
 from acqd.robot.description import RobotDescription, load_description
-from acqd.robot.log import read_log
+from acqd.robot.log_reader import read_log
 from acqd.robot.scene import load_scene
 from acqd.saving.doubt import Doubt
 from acqd.saving.order import require_free_order

@@ -13,7 +13,8 @@ import numpy as np
 
 from acqd.errors import InputError
 from acqd.robot.description import RobotDescription
-from acqd.robot.log import RobotLog, log_of
+from acqd.robot.log import RobotLog
+from acqd.robot.log_reader import log_of
 from acqd.robot.table_text import Table, joined, text_tables
 
 _CELLS = 1_000_000

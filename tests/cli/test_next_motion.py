@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from acqd.robot import load_description
-from acqd.robot.log import read_log
+from acqd.robot.log_reader import read_log
 from tests.builders import recording, write_dataset
 from tests.commands import acqd_here
 from tests.discrepancy.independent import added_payload

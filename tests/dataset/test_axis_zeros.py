@@ -7,7 +7,7 @@ from acqd.dataset.column_check import check_each, judge_logs
 from acqd.errors import UserError
 from acqd.robot.description import load_description
 from acqd.robot.inertia import inverse_dynamics
-from acqd.robot.log import log_of
+from acqd.robot.log_reader import log_of
 from acqd.robot.table import Table
 
 ROBOT = load_description("ur10e")

@@ -7,7 +7,8 @@ from acqd.dataset.placement import place
 from acqd.dataset.power import PowerStream
 from acqd.dataset.regressors import _apart, regressors_of
 from acqd.robot.description import load_description
-from acqd.robot.log import RobotLog, read_log
+from acqd.robot.log import RobotLog
+from acqd.robot.log_reader import read_log
 from tests.places import ROBOT_LOGS, needs_robot_logs
 
 ROBOT = load_description("ur10e")

@@ -20,7 +20,8 @@ from acqd.dataset.other_robot import other_robot
 from acqd.errors import UserError
 from acqd.robot.description import load_description
 from acqd.robot.inertia import inverse_dynamics
-from acqd.robot.log import RobotLog, read_log
+from acqd.robot.log import RobotLog
+from acqd.robot.log_reader import read_log
 from tests.campaigns import quiet
 from tests.places import ROBOT_LOGS, needs_robot_logs
 

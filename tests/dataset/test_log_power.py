@@ -8,7 +8,7 @@ from acqd.dataset.manifest import load_manifest
 from acqd.dataset.schema import columns_of
 from acqd.errors import UserError
 from acqd.robot import load_description
-from acqd.robot.log import read_log
+from acqd.robot.log_reader import read_log
 from tests.dataset.logs import build_from, motion, write_log
 from tests.places import ROBOT_LOGS, needs_robot_logs
 

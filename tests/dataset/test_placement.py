@@ -8,7 +8,7 @@ from acqd.dataset.build import BuildConfig, build
 from acqd.dataset.manifest import load_manifest
 from acqd.errors import UserError
 from acqd.robot import load_description
-from acqd.robot.log import read_log
+from acqd.robot.log_reader import read_log
 from tests.campaigns import build_dataset, campaign_config, measure, quiet, true_lags, write_power
 
 

@@ -198,7 +198,7 @@ def test_tabs_other_encodings_and_a_last_line_that_is_cut_off_are_read(tmp_path,
     (tmp_path / "rows.csv").write_bytes(content)
     stream = open_power(str(tmp_path / "rows.csv"), None, None)
     assert len(stream.P) == rows
-    cut = [note for note in stream.notes if "its last line is cut off and left out" in note]
+    cut = [note for note in stream.notes if "its last line is cut off" in note]
     assert len(cut) == noted
 
 
@@ -208,7 +208,7 @@ def test_a_last_line_of_json_that_is_cut_off_and_blank_ones_are_no_rows(tmp_path
     text = "".join(f'{{"time":{time},"P":{P}}}\n' for time, P in rows)
     (tmp_path / "rows.jsonl").write_text(text + end)
     stream = open_power(str(tmp_path / "rows.jsonl"), None, None)
-    assert len(stream.P) == 200 and sum("is cut off and left out" in note for note in stream.notes) == noted
+    assert len(stream.P) == 200 and sum("its last line is cut off" in note for note in stream.notes) == noted
 
 
 @pytest.mark.parametrize(
@@ -235,3 +235,43 @@ def test_what_is_no_table_of_power_is_refused_with_the_remedy(tmp_path, content,
     (tmp_path / "rows.csv").write_bytes(content)
     with pytest.raises(InputError, match=line):
         open_power(str(tmp_path / "rows.csv"), None, None)
+
+
+def test_phases_without_a_total_are_not_taken_for_one(tmp_path):
+    path = tmp_path / "p.csv"
+    lines = [f"{1.7e9 + 0.04 * k:.2f},{channel},{50 + k}" for k in range(60) for channel in ("L1", "L2", "L3")]
+    path.write_text("\n".join(["time,channel,P", *lines, ""]))
+    with pytest.raises(UserError, match="has no total, but L1, L2, L3: choose one with --channel"):
+        open_power(str(path), None, None)
+    assert len(open_power(str(path), None, "L2").P) == 60
+
+
+@pytest.mark.parametrize(
+    ("head", "said"), [("# meter\ntime,P", ""), ("sep=,\ntime,P", ""), ("# time,P", "is a comment")]
+)
+def test_lines_before_the_header_are_no_rows(tmp_path, head, said):
+    path = tmp_path / "p.csv"
+    path.write_text("\n".join([head, *(f"{1.7e9 + 0.04 * k:.2f},{50 + k % 7}.25" for k in range(60)), ""]))
+    if said:
+        with pytest.raises(UserError, match=said):
+            open_power(str(path), None, None)
+    else:
+        assert len(open_power(str(path), None, None).P) == 60
+
+
+@pytest.mark.parametrize(("cut", "rows"), [(0, 60), (1, 60), (2, 59), (9, 59)])
+def test_a_line_that_is_cut_inside_its_last_value_is_no_row(tmp_path, cut, rows):
+    path = tmp_path / "p.csv"
+    text = "\n".join(["time,P", *(f"{1.7e9 + 0.04 * k:.2f},{50 + k % 7}.25" for k in range(60)), ""])
+    path.write_text(text[: len(text) - cut])
+    stream = open_power(str(path), None, None)
+    assert len(stream.P) == rows and any("cut off" in note for note in stream.notes) == (rows == 59)
+
+
+def test_a_filetime_under_the_name_of_a_unix_time_is_named(tmp_path):
+    path = tmp_path / "p.csv"
+    path.write_text(
+        "\n".join(["time,P", *(f"{134_139_736_000_000_000 + 400_000 * k},{50 + k}" for k in range(60)), ""])
+    )
+    with pytest.raises(UserError, match="name the column filetime"):
+        open_power(str(path), None, None)

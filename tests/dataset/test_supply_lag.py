@@ -1,5 +1,7 @@
 """The supply's lag, the lags of all recordings together, and recordings that are judged by the others."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -89,3 +91,22 @@ def test_logs_on_no_common_clock_are_placed_one_by_one_or_refused_with_a_reason(
             assert placement.method == "refused" and placement.note
         else:
             assert placement.method == "own" and placement.lag_s == pytest.approx(true[k], abs=0.008)
+
+
+def means(power, rows, late_rows=0):
+    """The stream of a meter that writes means over `rows` rows, stamped `late_rows` rows behind their middle."""
+    kernel = np.ones(rows) / rows
+    smooth = np.convolve(np.pad(power.P, rows // 2, mode="edge"), kernel, mode="valid")[: len(power.P)]
+    return replace(power, P=np.roll(smooth, late_rows))
+
+
+@pytest.mark.parametrize("late_rows", [0, 5])
+def test_a_mean_over_many_rows_is_known_and_its_stamps_are_doubted(late_rows):
+    recordings = robot(4, 21, seconds=15.0)
+    power = power_of(recordings, LAGS_S[:4], USUAL_LAG_S, 22, noise_W=0.3)
+    found = place(recordings, means(power, 11, late_rows), 1.0, silent)
+    assert any("were a mean over" in note and "--lag" in note for note in found.notes)
+    for placement, true in zip(found.placements, LAGS_S, strict=False):
+        middle = true - 0.04 * late_rows
+        assert placement.lag_s == pytest.approx(middle, abs=0.05)
+        assert abs(placement.lag_s - true) < placement.within_s < 0.4

@@ -10,7 +10,7 @@ from acqd.errors import InputError, UserError
 from acqd.robot import load_description
 from acqd.robot.bag_joints import arm_states
 from acqd.robot.description import LogColumns
-from acqd.robot.log import read_log
+from acqd.robot.log_reader import read_log
 
 rosbag2 = pytest.importorskip("rosbags.rosbag2")
 from rosbags.typesys import Stores, get_typestore  # noqa: E402

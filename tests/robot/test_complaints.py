@@ -9,7 +9,7 @@ from acqd.errors import InputError
 from acqd.robot.arm import Arm
 from acqd.robot.description import RobotDescription, load_description
 from acqd.robot.dynamics import inverse_dynamics
-from acqd.robot.log import read_log
+from acqd.robot.log_reader import read_log
 from acqd.robot.plausibility import implausible
 from acqd.robot.urdf.describe import describe_urdf
 from tests.places import COMPLAINTS, needs_complaints

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from acqd.errors import InputError
 from acqd.robot import load_description
 from acqd.robot.description import LogColumns
-from acqd.robot.log import read_log, require_rising
+from acqd.robot.log import require_rising
+from acqd.robot.log_reader import read_log
 from tests.places import ROBOT_LOGS, needs_robot_logs
 
 WITH_TORQUES = ("opti_traj_testing1", "opti_traj_testing2")
@@ -103,7 +104,7 @@ def test_rtde_texts_with_odd_line_ends_and_power_at_the_supply(file, rows, idle_
 @needs_robot_logs
 def test_garbled_rows_of_a_real_log_are_left_out_and_named():
     log = read_log(ROBOT_LOGS / "ur10e_later" / "session_b.csv", load_description("ur10e"))
-    assert log.note.startswith("10 of 6107 rows garbled and left out: rows 2, 3, 4, 5, 6 and 5 more (time -0.1231 s")
+    assert log.note.startswith("9 of 6106 rows garbled and left out: rows 2, 3, 4, 5, 6 and 4 more (time -0.1231 s")
     assert len(log.time) == 6097 == len(log.current) and (log.time[0], log.time[-1]) == (3047.693, 3112.149)
     assert np.diff(log.time).max() < 0.4 and np.abs(log.q).max() < 3.5 and np.abs(log.current).max() < 30
 
@@ -212,3 +213,16 @@ def test_whatever_is_in_some_cells_the_log_is_read_or_refused(tmp_path_factory, 
         return
     unmeasured = int((~np.isfinite(values[:, 1:])).any(axis=1).sum())  # left out beside one row in a hundred
     assert np.isfinite(log.q).all() and np.ptp(log.time) < 60 and len(log.time) >= ROWS - 4 - unmeasured
+
+
+def test_small_angles_in_degrees_are_known_by_their_speeds(tmp_path):
+    t = 0.01 * np.arange(600)
+    q, qd = 0.05 * np.sin(2 * t)[:, None] * np.ones(6), 0.1 * np.cos(2 * t)[:, None] * np.ones(6)
+    names = ["time", *(f"{name}{k + 1}" for name in ("q", "qd") for k in range(6))]
+    path = tmp_path / "log.csv"
+    for angles in (q, np.degrees(q)):
+        np.savetxt(path, np.column_stack([t, angles, qd]), "%.9f", ",", header=",".join(names), comments="")
+        if angles is q:
+            assert read_log(path, load_description("ur10e")).qd is not None
+    with pytest.raises(InputError, match="the angles are in degrees; write radians"):
+        read_log(path, load_description("ur10e"))

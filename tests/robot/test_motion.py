@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from acqd.robot.description import load_description
 from acqd.robot.doubtful_rows import bridged, doubtful_rows
-from acqd.robot.log import read_log
+from acqd.robot.log_reader import read_log
 from acqd.robot.unwrapping import unwrapped
 from tests.places import COMPLAINTS, ROBOT_LOGS, needs_complaints, needs_robot_logs
 

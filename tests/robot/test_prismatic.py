@@ -17,7 +17,7 @@ from acqd.robot.dynamics import (
     regressor,
 )
 from acqd.robot.kinematics import Pose, forward_kinematics, inverse_kinematics
-from acqd.robot.log import read_log
+from acqd.robot.log_reader import read_log
 from acqd.robot.newton_euler import Chain, joint_torque
 from tests.robot.sliding import SLIDE, link, robot, scara, slide, turn
 from tests.robot.states import states

@@ -7,7 +7,7 @@ import pytest
 
 from acqd.errors import InputError
 from acqd.robot.description import RobotDescription, load_description
-from acqd.robot.log import read_log
+from acqd.robot.log_reader import read_log
 from acqd.robot.plausibility import implausible
 from acqd.robot.urdf.describe import describe_urdf
 

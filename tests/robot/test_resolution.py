@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from acqd.robot.description import load_description
 from acqd.robot.doubtful_rows import doubtful_rows
-from acqd.robot.log import read_log
+from acqd.robot.log_reader import read_log
 from acqd.robot.resolution import resolution, smoothed, smoothing_of
 from tests.places import ROBOT_LOGS, needs_robot_logs
 

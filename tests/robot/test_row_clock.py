@@ -10,7 +10,7 @@ from acqd.errors import InputError
 from acqd.robot.description import load_description
 from acqd.robot.doubtful_rows import doubtful_rows
 from acqd.robot.joint_refresh import between_refreshes, frozen
-from acqd.robot.log import log_of, read_log
+from acqd.robot.log_reader import log_of, read_log
 from acqd.robot.resolution import steps_of
 from acqd.robot.row_clock import clock_fault, even_times, late_stamps
 from acqd.robot.table import Table

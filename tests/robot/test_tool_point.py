@@ -12,7 +12,7 @@ from acqd.errors import InputError
 from acqd.robot import load_description
 from acqd.robot.arm import Arm
 from acqd.robot.kinematics import forward_kinematics
-from acqd.robot.log import read_log
+from acqd.robot.log_reader import read_log
 from acqd.robot.tool_point import tool_point_error
 
 RTDE = Path(__file__).parents[3] / "shared/data/robots/ur3e_rtde/ur3e_rtde_25s.csv"

@@ -14,7 +14,7 @@ from acqd.motion.limits import MotionLimits
 from acqd.motion.program_file import read_program
 from acqd.robot.arm import Arm
 from acqd.robot.collision import CollisionChecker
-from acqd.robot.log import read_log
+from acqd.robot.log_reader import read_log
 from acqd.robot.scene import load_scene
 from acqd.saving.power import Meter
 from tests.builders import ROBOT

@@ -6,7 +6,7 @@ import pytest
 from acqd.motion.program_text import timed_joints
 from acqd.motion.replayed_log import motion_of
 from acqd.robot.description import load_description
-from acqd.robot.log import read_log
+from acqd.robot.log_reader import read_log
 from tools.studies.foreign.cases import World
 from tools.studies.saving.__main__ import summary
 from tools.studies.saving.execution import energy, replayed, violations, write_log

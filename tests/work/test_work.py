@@ -16,7 +16,8 @@ from acqd.dataset.schema import columns_of
 from acqd.models.segments import Segment
 from acqd.robot import load_description
 from acqd.robot.labels import from_numbers
-from acqd.robot.log import in_time, read_log
+from acqd.robot.log import in_time
+from acqd.robot.log_reader import read_log
 from acqd.work.cycle_energy import cycle_energy
 from acqd.work.cycles import cycles_of
 from acqd.work.labels import labelled

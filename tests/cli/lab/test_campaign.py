@@ -10,7 +10,7 @@ import pytest
 
 from acqd.robot import load_description
 from acqd.robot.arm import Arm
-from acqd.robot.log import read_log
+from acqd.robot.log_reader import read_log
 from tests.campaigns import rows_of
 from tests.commands import acqd, acqd_here, without_workers
 from tests.waiting import wait_for

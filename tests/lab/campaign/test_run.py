@@ -11,7 +11,7 @@ from acqd.lab.settings import CampaignSettings
 from acqd.robot import load_description
 from acqd.robot.arm import Arm
 from acqd.robot.dynamics import inverse_dynamics
-from acqd.robot.log import read_log
+from acqd.robot.log_reader import read_log
 from tests.campaigns import measure, rows_of
 
 

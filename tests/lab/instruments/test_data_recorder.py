@@ -5,7 +5,8 @@ import pytest
 
 from acqd.lab.instruments.data_recorder import ControllerClock, Recorded, RecorderSettings, record
 from acqd.robot import load_description
-from acqd.robot.log import read_log, require_rising
+from acqd.robot.log import require_rising
+from acqd.robot.log_reader import read_log
 
 
 def motion(axes, seconds=4.0):

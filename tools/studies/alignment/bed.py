@@ -28,7 +28,8 @@ from acqd.lab.schedule import SessionPlan, plan_sessions
 from acqd.lab.session import Session
 from acqd.lab.settings import CampaignSettings
 from acqd.motion.controller import Motion, Phase, Wait
-from acqd.robot.log import RobotLog, read_log
+from acqd.robot.log import RobotLog
+from acqd.robot.log_reader import read_log
 
 _RATE = 1000.0
 _OWN_DELAY_S = 0.0005  # of a plant whose supply lags by half a sample: the mean of two samples

@@ -13,8 +13,9 @@ from tools.studies.fuzz.targets import target
 
 _MODULES = (
     "acqd.sources.csv_file", "acqd.sources.npz_file", "acqd.sources.audio_file", "acqd.sources.comtrade",
-    "acqd.telemetry.row", "acqd.daemon.config_file", "acqd.robot.table_text", "acqd.robot.log", "acqd.sidecar.log_file",
-    "acqd.models.bundle.restore", "acqd.dataset.power_files", "acqd.sources.sampled_values.frame",
+    "acqd.telemetry.row", "acqd.daemon.config_file", "acqd.robot.table_text", "acqd.robot.log_reader",
+    "acqd.sidecar.log_file", "acqd.models.bundle.restore", "acqd.dataset.power_files",
+    "acqd.sources.sampled_values.frame",
 )  # fmt: skip
 
 

@@ -22,7 +22,8 @@ from acqd.models.greybox.fit import fit_grey_box
 from acqd.models.metrics import predictions
 from acqd.models.segments import load_dataset
 from acqd.robot.description import RobotDescription, load_description
-from acqd.robot.log import RobotLog, read_log
+from acqd.robot.log import RobotLog
+from acqd.robot.log_reader import read_log
 from acqd.robot.table import read_table
 from tools.common.commands import acqd as acqd  # re-exported: other studies import it from here
 from tools.common.tables import show

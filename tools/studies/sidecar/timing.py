@@ -19,7 +19,7 @@ from acqd.errors import OperationError
 from acqd.models.bundle.restore import open_model
 from acqd.models.networks.predictor import NetworkPredictor, example_inputs
 from acqd.robot.description import load_description
-from acqd.robot.log import read_log
+from acqd.robot.log_reader import read_log
 from acqd.storage.database import open_database
 from acqd.storage.received import Received
 from acqd.storage.writer import Writer

@@ -19,7 +19,7 @@ from acqd.residual.residuals import rms
 from acqd.robot.arm import Arm
 from acqd.robot.description import load_description
 from acqd.robot.kinematics import forward_kinematics
-from acqd.robot.log import read_log
+from acqd.robot.log_reader import read_log
 
 Floats = NDArray[np.float64]
 _PEAK_S = 0.6

@@ -1,0 +1,207 @@
+"""Reads robot logs: garbled and doubtful rows are left out, times and angles put right, quantities judged."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acqd.arrays import Floats
+from acqd.errors import InputError
+from acqd.robot.bag import is_bag, read_bag
+from acqd.robot.columns import angle_fault, speed_fault, stuck, temperature_fault
+from acqd.robot.description import LogColumns, RobotDescription
+from acqd.robot.doubtful_rows import doubtful_rows
+from acqd.robot.garbled import FEW, garbled_rows, impossible_jump, reach
+from acqd.robot.garbled_text import note, refusal
+from acqd.robot.joint_refresh import between_refreshes, frozen
+from acqd.robot.last_line import LEFT_OUT
+from acqd.robot.log import RobotLog, in_time
+from acqd.robot.log_layout import LABELS, PER_AXIS, Columns, layout_of, more_axes, twice, why_not, word_columns
+from acqd.robot.log_times import rebuilt, require_one_clock
+from acqd.robot.motion_quality import MotionQuality
+from acqd.robot.resolution import smoothed, smoothing_of, steps_of
+from acqd.robot.row_clock import clock_fault
+from acqd.robot.table import Table, read_table
+from acqd.robot.tool_point import check_tool_point
+from acqd.robot.unwrapping import unwrapped
+
+_MOVED = 0.05
+"""rad or m that a joint covers at least in a log in which its speed, torque and current cannot stay zero."""
+_TITLES = {"qd": "speed", "tau": "torque", "current": "current", "temperature": "temperature"}
+
+
+def read_log(path: Path, robot: RobotDescription) -> RobotLog:
+    """Read a log whose columns `robot` names, or that has the generic header: text, Parquet, or a ROS bag.
+
+    Garbled rows are left out if they are few, and the log's `note` names them. Raises InputError that names the row
+    and column of what is wrong, UserError without the library that a format needs.
+    """
+    return log_of(path, read_bag(path, robot) if is_bag(path) else read_table(path, FEW, word_columns(robot)), robot)
+
+
+def log_of(path: Path, table: Table, robot: RobotDescription) -> RobotLog:
+    """The log in a table; `path` is its name in messages. Raises InputError as `read_log`."""
+    found = layout_of(table, robot)
+    if found is None:
+        raise InputError(path, why_not(table, robot))
+    repeated = twice(table, found[1])
+    if repeated is not None:
+        raise InputError(path, f"has several columns {repeated!r}; expected one: rename or remove the others")
+    log = _assemble(path, table, *found)
+    log, stamps = rebuilt(log, robot)
+    point = table.values[:, found[1]["tool_point"]] if "tool_point" in found[1] else None
+    recorded, log = log.q, _unwrapped(log, robot)
+    faults = garbled_rows(log.time, log.q, robot) | table.broken
+    known = np.isfinite(log.q).all(axis=1) | ~np.isfinite(log.time)  # angles of other rows were not measured
+    garbled = sum(bool(known[row]) for row in faults)
+    if garbled > FEW * len(log.time) or len(faults) > len(log.time) - 2:
+        raise InputError(path, refusal(table, log.q, faults, robot))
+    kept = np.ones(len(log.time), bool)
+    kept[list(faults)] = False
+    stale = _frozen(log, kept, robot)
+    kept &= ~stale.any(axis=1)
+    if not kept.all():
+        recorded, log = recorded[kept], replace(log.part(kept, path), note=note(table, faults))
+        table = replace(table, lines=table.lines[kept])
+        point = None if point is None else point[kept]
+    require_one_clock(log, table, robot)
+    order = np.unique(log.time, return_index=True)[1]
+    order = order[np.concatenate([[True], (np.diff(log.q[order], axis=0) != 0).any(axis=1)])]  # poses may be held
+    jump = impossible_jump(log.time[order], log.q[order], robot)
+    if jump is not None:
+        where = f"row {table.line(order[jump[0] + 1])}"
+        raise InputError(path, f"{where}: {jump[1]}; is the log damaged, in degrees, or another robot's?")
+    if point is not None:
+        check_tool_point(path, robot, log.q, point)
+    unwrapped_q = log.q
+    log, q_step = _refreshed(log, robot)
+    quality = MotionQuality(
+        unwrapped=_names(robot, recorded != unwrapped_q),
+        by_itself=_names(robot, log.q != unwrapped_q),
+        frozen=_names(robot, stale),
+        frozen_rows=int(stale.any(axis=1).sum()),
+        rebuilt=stamps,
+    )
+    notes = [log.note, LEFT_OUT if table.note else ""]
+    if more := more_axes(table, robot, found[0]):
+        notes.append(
+            f"has {robot.axes + more} axes, {robot.name} has {robot.axes}: the others are not used; is it its log?"
+        )
+    log = replace(log, note="; ".join(filter(None, notes)))
+    return _trusted(log, robot, quality, q_step, table)
+
+
+def _names(robot: RobotDescription, flags: NDArray[np.bool_]) -> tuple[str, ...]:
+    """Joints with any of the flags [T, axes]."""
+    return tuple(robot.joint[axis].name for axis in np.flatnonzero(flags.any(axis=0)))
+
+
+def _frozen(log: RobotLog, kept: NDArray[np.bool_], robot: RobotDescription) -> NDArray[np.bool_]:
+    """[T, axes] angles of the rows `kept` [T] that were not refreshed while the joint moved on."""
+    stale = np.zeros(log.q.shape, bool)
+    rows = np.flatnonzero(kept)
+    rows = rows[np.unique(log.time[rows], return_index=True)[1]]
+    stale[rows] = frozen(log.time[rows], log.q[rows], steps_of(log.q[rows]), robot.acceleration)
+    return stale
+
+
+def _unwrapped(log: RobotLog, robot: RobotDescription) -> RobotLog:
+    """The log without jumps of its angles by whole turns."""
+    good = np.flatnonzero(np.isfinite(log.time) & np.isfinite(log.q).all(axis=1))
+    rows = good[np.argsort(log.time[good], kind="stable")]
+    if len(rows) < 2:
+        return log
+    step = np.diff(log.time[rows])
+    farthest = reach(np.maximum(step, np.median(step)), robot)
+    q = unwrapped(log.q[rows], farthest, np.array([not joint.slides for joint in robot.joint]))
+    angles = log.q.copy()
+    angles[rows] = q
+    return replace(log, q=angles)
+
+
+def _refreshed(log: RobotLog, robot: RobotDescription) -> tuple[RobotLog, Floats]:
+    """The log without the old angles of joints that are refreshed by themselves, and how finely it knows angles."""
+    stamps, rows = in_time(log)
+    angles = log.q.copy()
+    angles[rows], q_step = between_refreshes(stamps, log.q[rows], steps_of(log.q[rows]), robot.speed)
+    return replace(log, q=angles), q_step
+
+
+def _trusted(log: RobotLog, robot: RobotDescription, found: MotionQuality, q_step: Floats, table: Table) -> RobotLog:
+    """The log without rows whose pose is not that of their time, and without quantities that are not measured.
+
+    `found`: what reading the log has shown already; `q_step` [axes]: how finely angles are known.
+    Raises InputError where the times are not those of the poses at all.
+    """
+    stamps, rows = in_time(log)
+    doubts = doubtful_rows(stamps, log.q[rows], robot.speed, q_step)
+    new = np.flatnonzero(~doubts.repeated)
+    fault = clock_fault(stamps[new], log.q[rows[new]], robot.speed, q_step, np.diff(new) > 1)
+    if fault is not None and fault.row is not None:
+        fault = replace(fault, text=f"row {table.line(int(rows[new[fault.row]]))}: {fault.text}")
+    if fault is not None and fault.refused:
+        raise InputError(log.path, fault.text)
+    moves = np.ptp(log.q, axis=0) > _MOVED
+    known = {name: values for name in _TITLES if (values := getattr(log, name)) is not None and len(values)}
+    constant = {name: axes for name, values in known.items() if (axes := stuck(name, values, moves)).any()}
+    unmeasured = tuple(
+        f"the {_TITLES[name]} of {'every joint' if axes.all() else robot.joint[int(axes.argmax())].name}"
+        for name, axes in constant.items()
+    )
+    unusable = {}
+    if log.qd is not None and "qd" not in constant:
+        if degrees := angle_fault(stamps[new], log.q[rows[new]], log.qd[rows[new]], robot):
+            raise InputError(log.path, degrees)
+        unusable["qd"] = speed_fault(stamps[new], log.q[rows[new]], log.qd[rows[new]], robot)
+    if log.temperature is not None and "temperature" not in constant:
+        unusable["temperature"] = temperature_fault(log.temperature)
+    unusable = {name: fault for name, fault in unusable.items() if fault}
+    good = ~doubts.any
+    smoothing = smoothing_of(stamps[good], log.q[rows[good]], q_step, robot.speed)
+    if smoothing:
+        angles = log.q.copy()
+        angles[rows[good]] = smoothed(stamps[good], log.q[rows[good]], smoothing.windows_s)
+        log = replace(log, q=angles)
+    quality = replace(
+        doubts.quality(),
+        unwrapped=found.unwrapped,
+        by_itself=found.by_itself,
+        frozen=found.frozen,
+        frozen_rows=found.frozen_rows,
+        unmeasured=unmeasured,
+        unusable=tuple(unusable.values()),
+        rebuilt=found.rebuilt,
+        fault=fault,
+        smoothing=smoothing,
+    )
+    gone: dict[str, Any] = dict.fromkeys([*constant, *unusable])
+    log = replace(log, quality=quality, **gone)
+    if not quality.bad:
+        return log
+    kept = np.ones(len(log.time), bool)
+    kept[np.isin(log.time, stamps[doubts.any])] = False
+    return log.part(kept, log.path)
+
+
+def _assemble(path: Path, table: Table, layout: LogColumns, columns: Columns) -> RobotLog:
+    def values(name: str) -> Floats | None:
+        return table.values[:, columns[name]] if name in columns else None
+
+    def single(name: str) -> Floats | None:
+        return table.values[:, columns[name][0]] if name in columns else None
+
+    clock, q = values("time"), values("q")
+    assert clock is not None and q is not None
+    time = clock[:, 0] + clock[:, 1] * 1e-9 if clock.shape[1] == 2 else clock[:, 0] * layout.time_unit_s
+    signals = {name: column for name in ("tool", "brake") if (column := single(name)) is not None}
+    there = {name: column for name in PER_AXIS[1:] if (column := values(name)) is not None}
+    others: dict[str, Any] = {name: column for name, column in there.items() if np.isfinite(column).any()}
+    power, voltage, current = single("power"), single("bus_voltage"), single("bus_current")
+    if power is None and voltage is not None and current is not None:
+        power = voltage * current
+    labels = {name: table.texts(columns[name][0]) for name in LABELS if name in columns}
+    return RobotLog(path, time, q, **others, signals=signals, labels=labels, power=power, voltage=voltage)
