@@ -16,7 +16,7 @@ from tests.models.motions import STEP
 )
 def test_arrays_of_a_wrong_shape_are_told(tmp_path, name):
     bundle = grey_bundle()
-    bundle.arrays[name] = bundle.arrays[name][..., :-1]
+    bundle.arrays[name] = bundle.arrays[name][..., :-2]
     save_bundle(tmp_path / "b", bundle)
     with pytest.raises(InputError, match="does not hold what its kind of model needs"):
         open_model(tmp_path / "b")
