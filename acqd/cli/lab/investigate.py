@@ -19,7 +19,7 @@ from acqd.cli.lab.steps import Step, Steps
 from acqd.cli.options import Json
 from acqd.cli.terminal import terminal
 from acqd.errors import UserError
-from acqd.extras import LOOP, require
+from acqd.extras import LOOP, MOTION, require
 
 _SHORT = ("--limited", "4", "--all", "0")
 """Recordings after the change: two minutes with the tool down leave small changes open."""
@@ -39,7 +39,7 @@ def investigate(
 
     Example: acqd lab investigate --out circle --undeclared payload:mass_kg=0.35
     """
-    require("acqd lab investigate", LOOP, "lab,loop")
+    require("acqd lab investigate", (*LOOP, *MOTION), "lab,loop")
     from acqd.lab.effects import parse_effect
 
     if not undeclared:
