@@ -60,7 +60,7 @@ def _reach(robot: RobotDescription) -> float:
 def _bodies(robot: RobotDescription) -> Iterator[Finding]:
     joints, reach = robot.joint, _reach(robot)
     for k, joint in enumerate(joints):
-        moments = np.linalg.eigvalsh(central_tensor(joint.link))
+        moments: Floats = np.asarray(np.linalg.eigvalsh(central_tensor(joint.link)), dtype=np.float64)
         key = f"{joint.name}.link.inertia"
         if moments[2] > (1 + _TRIANGLE_SLACK) * (moments[0] + moments[1]) + 1e-9:
             text = f"principal moments {_listed(moments)} kg m^2: no body has one that exceeds the sum of the others"

@@ -89,7 +89,7 @@ def test_a_secret_that_is_missing_or_short_is_refused_in_one_line(tmp_path):
     with pytest.raises(UserError, match="20 letters or more"):
         section.proxy.secret()
     (tmp_path / "secret").unlink()
-    with pytest.raises(UserError, match="cannot be read"):
+    with pytest.raises(UserError, match="no such file"):
         section.proxy.secret()
     with pytest.raises(ValueError, match="no group"):
         ProxySection(secret_file=tmp_path / "secret")

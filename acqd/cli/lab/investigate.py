@@ -40,12 +40,12 @@ def investigate(
     Example: acqd lab investigate --out circle --undeclared payload:mass_kg=0.35
     """
     require("acqd lab investigate", (*LOOP, *MOTION), "lab,loop")
-    from acqd.lab.effects import parse_effect
+    from acqd.lab.effects import check_axes, parse_effect
+    from acqd.robot.description import load_description
 
     if not undeclared:
         raise UserError("--undeclared: name the change to hide, such as payload:mass_kg=0.35 (acqd lab effects)")
-    for text in undeclared:
-        parse_effect(text, declared=False)
+    check_axes([parse_effect(text, declared=False) for text in undeclared], load_description(robot).axes)
     circle = Circle(Steps(out, Console(stderr=True)), robot)
     plant = ("--seed", str(seed))
     found = _run(circle, plant, undeclared, minutes)
