@@ -115,7 +115,7 @@ def test_the_check_of_a_configuration_reads_the_secret(tmp_path):
         (tmp_path / "secret").chmod(mode)
         assert [each.state for each in _secrets(config)] == [state]
     (tmp_path / "secret").unlink()
-    assert "cannot be read" in next(_secrets(config)).finding
+    assert "no such file" in next(_secrets(config)).finding
 
 
 def test_the_cookie_secret_is_base64_for_addresses():
