@@ -43,9 +43,11 @@ def has_rows(engine: sa.Engine, device: str, begin: int, end: int) -> bool:
 def span_text(connection: sa.Connection, device: str, zone: tzinfo = UTC) -> str:
     """From when to when rows or roll-ups of a device are stored, in words."""
     span = stored.stored_span(connection, device)
-    if span is None:
-        return "at no time"
-    first, last = (datetime.fromtimestamp(each, zone).strftime("%Y-%m-%d %H:%M") for each in span)
+    return "at no time" if span is None else _from_to(*span, zone)
+
+
+def _from_to(begin: int, end: int, zone: tzinfo) -> str:
+    first, last = (datetime.fromtimestamp(each, zone).strftime("%Y-%m-%d %H:%M") for each in (begin, end))
     return f"from {first} to {last} ({zone})"
 
 
@@ -136,8 +138,8 @@ def channel_of(connection: sa.Connection, device: str, begin: int, end: int) -> 
         return "total"
     if not channels:
         raise NoRowsError(
-            f"device {device!r} has no rows in this period, only {span_text(connection, device)}; "
-            "choose another --from and --to"
+            f"device {device!r} has no rows {_from_to(begin, end, UTC)}, only {span_text(connection, device)}; choose "
+            "another --from and --to"
         )
     if len(channels) > 1:
         raise UserError(f"device {device!r} has the channels {', '.join(sorted(channels))} but no total")
