@@ -11,7 +11,6 @@ from acqd.models.effects.effect import Effect
 from acqd.models.effects.places import Shape
 from acqd.models.effects.scene import Scene
 from acqd.models.effects.substeps import averaged
-
 from acqd.models.greybox.parameters import Layout, prior
 from acqd.models.segments import Segment
 from acqd.residual.logged_torque import Side, logged

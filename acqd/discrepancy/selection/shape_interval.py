@@ -94,9 +94,7 @@ class Neighbours:
         )
 
 
-def fit_at(
-    design: Design, regression: Regression, candidate: Candidate, gate: Floats, weights: Floats
-) -> Fit:
+def fit_at(design: Design, regression: Regression, candidate: Candidate, gate: Floats, weights: Floats) -> Fit:
     """The fit by generalised least squares within physical bounds."""
     competition = regression.compete(candidate.indices, gate, weights)
     schur, products = competition.schur, competition.products

@@ -71,8 +71,9 @@ def intervals(selection: Selection, selected: Selected) -> Intervals:
     half = np.hypot(factor * _jackknife([each.coefficients for each in left]), noise)
     if whole.shape is None:
         return Intervals(sizes.coefficients, half, left_out=tuple(left))
-    spread = factor * float(_jackknife([np.array([each.shape]) for each in left])[0])
-    return Intervals(sizes.coefficients, half, whole.shape, np.hypot(spread, _of_columns(whole, selected)), tuple(left))
+    scatter = factor * float(_jackknife([np.array([each.shape]) for each in left])[0])
+    shape_half = float(np.hypot(scatter, _of_columns(whole, selected)))
+    return Intervals(sizes.coefficients, half, whole.shape, shape_half, tuple(left))
 
 
 def _of_columns(whole: Fit, selected: Selected) -> float:

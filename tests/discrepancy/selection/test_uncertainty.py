@@ -11,7 +11,6 @@ from acqd.discrepancy.repair.torque_scale import TorqueScale
 from acqd.discrepancy.selection.forward_selection import Limits, select
 from acqd.discrepancy.selection.shape_interval import fit_at
 from acqd.discrepancy.selection.uncertainty import intervals
-
 from tests.builders import grey, recording
 from tests.discrepancy.independent import COMMON, INDEPENDENT, column, extra_power, traced
 
