@@ -43,6 +43,17 @@ def private(path: str, flags: int) -> int:
     return os.open(path, flags, 0o640)
 
 
+@contextmanager
+def naming(path: Path) -> Iterator[None]:
+    """Writing of one file: an error of the system that knows no name, as that of a full disk, gets the file's name."""
+    try:
+        yield
+    except OSError as error:
+        if error.filename is None:
+            error.filename = str(path)
+        raise
+
+
 def write_complete(path: Path, content: bytes) -> None:
     """Replace a file: whatever happens, its content is the old or the new one. Raises OperationError."""
     temporary = path.with_name(f".{path.name}.new")

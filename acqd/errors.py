@@ -42,9 +42,18 @@ class InputError(UserError):
         return UserError, self.args
 
 
+_SYSTEM = (
+    (r":? cannot be read \(No such file or directory\)", ": no such file"),
+    (r":? cannot be read \(Is a directory\)", ": is a folder, not a file"),
+)
+"""What the system says of a file, as this program says it: in every command the same."""
+
+
 def _one_line(text: str) -> str:
     """Line ends and control characters as escapes, no numbers of the system, no middle if the text is long."""
     text = without_number(text)
+    for pattern, words in _SYSTEM:
+        text = re.sub(pattern, words, text)
     if len(text) > _MOST:
         text = f"{text[: _MOST - _TAIL]} [...] {text[-_TAIL:]}"
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text.rstrip())

@@ -7,8 +7,10 @@ from importlib.util import find_spec
 
 from acqd.errors import UserError
 
-LOOP = ("jinja2", "matplotlib", "pinocchio", "pyarrow", "safetensors", "scipy")
+LOOP = ("jinja2", "matplotlib", "pyarrow", "safetensors", "scipy")
 """What the closing loop imports."""
+MOTION = ("pinocchio",)
+"""What looks for collisions, inverts kinematics and reads URDF imports."""
 
 
 def require(what: str, modules: Sequence[str], extra: str) -> None:

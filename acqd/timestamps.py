@@ -24,9 +24,13 @@ _MOST_NS = 2**63 - 2**32
 _UNITS = ((1e11, 1_000_000_000), (1e14, 1_000_000), (1e17, 1_000), (1e20, 1))  # Unix s, ms, us, ns below each bound
 
 
-def parse_times(path: Path, name: str, cells: Sequence[object]) -> Nanoseconds:
-    """Nanoseconds UTC of a column: RFC 3339, Unix s/ms/us/ns, or FILETIME if it is named so. Raises InputError."""
-    empty = next((row for row, cell in enumerate(cells, start=1) if cell is None or cell == ""), None)
+def parse_times(path: Path, name: str, cells: Sequence[object], numbers: Sequence[int] | None = None) -> Nanoseconds:
+    """Nanoseconds UTC of a column: RFC 3339, Unix s/ms/us/ns, or FILETIME if it is named so. Raises InputError.
+
+    `numbers`: of the data rows that the cells are from, for messages; default 1, 2 ...
+    """
+    numbers = range(1, len(cells) + 1) if numbers is None else numbers
+    empty = next((row for row, cell in zip(numbers, cells, strict=True) if cell is None or cell == ""), None)
     if empty is not None:
         raise InputError(path, f"column {name}: data row {empty} has no time")
     if name == "filetime":
@@ -37,7 +41,7 @@ def parse_times(path: Path, name: str, cells: Sequence[object]) -> Nanoseconds:
         _require_times(path, name, min(stamps), max(stamps))
         return np.array(stamps, dtype=np.int64)
     if isinstance(cells[0], str) and not _is_number(cells[0]):
-        stamps = [_parse_rfc3339(path, str(cell)) for cell in cells]
+        stamps = [_parse_rfc3339(path, str(cell), row) for row, cell in zip(numbers, cells, strict=True)]
         _require_times(path, name, min(stamps), max(stamps))
         return np.array(stamps, dtype=np.int64)
     try:
@@ -45,7 +49,7 @@ def parse_times(path: Path, name: str, cells: Sequence[object]) -> Nanoseconds:
     except (ValueError, TypeError) as error:
         raise InputError(path, f"column {name}: {error}; times must be all numbers or all RFC 3339") from None
     if not np.isfinite(values).all():
-        raise InputError(path, f"column {name}: row {int(np.argmin(np.isfinite(values))) + 1} has no time")
+        raise InputError(path, f"column {name}: data row {numbers[int(np.argmin(np.isfinite(values)))]} has no time")
     largest = float(np.abs(values).max())
     unit = next((unit for bound, unit in _UNITS if largest < bound), None)
     if unit is None:
@@ -99,12 +103,14 @@ def unix_s(filetime_100ns: int) -> float:
     return (filetime_100ns - _FILETIME_1970) * 1e-7
 
 
-def _parse_rfc3339(path: Path, text: str) -> int:
+def _parse_rfc3339(path: Path, text: str, row: int) -> int:
     try:
         stamp = datetime.fromisoformat(_LEAP_SECOND.sub(r"\g<1>59", text))
     except ValueError:
         raise InputError(
-            path, f"time {text!r:.40} is neither RFC 3339 nor a number: write 2026-01-27T08:00:00.000Z, or Unix seconds"
+            path,
+            f"data row {row}: time {text!r:.40} is neither RFC 3339 nor a number: write 2026-01-27T08:00:00.000Z, or "
+            "Unix seconds",
         ) from None
     if _LEAP_SECOND.match(text):
         stamp += timedelta(seconds=1)

@@ -18,7 +18,7 @@ from pathlib import Path
 
 from acqd.api.dataset import Dataset
 from acqd.errors import UserError, in_our_words
-from acqd.extras import LOOP, require
+from acqd.extras import LOOP, MOTION, require
 
 _FORM = 1
 """Raised when the same settings give other data."""
@@ -63,7 +63,7 @@ def clear() -> None:
 
 
 def _made(robot: str, recordings: int, seed: int, effect: str | None) -> Dataset:
-    require("acqd.datasets", LOOP, "loop,lab")
+    require("acqd.datasets", (*LOOP, *MOTION), "loop,lab")
     if recordings < _FEWEST:
         raise UserError(f"recordings = {recordings}: expected {_FEWEST} or more")
     from pydantic import ValidationError

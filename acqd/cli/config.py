@@ -16,7 +16,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from acqd.cli.findings_table import findings_table
-from acqd.cli.options import Json, config_file
+from acqd.cli.options import ConfigFile, Json, config_file
 from acqd.errors import UserError
 
 if TYPE_CHECKING:
@@ -59,6 +59,7 @@ _File = Annotated[Path | None, typer.Argument(metavar="[FILE]", help="Default: .
 @app.command()
 def check(
     path: _File = None,
+    config: ConfigFile = None,
     connect: Annotated[
         bool, typer.Option("--connect", help="Log in at the broker as every user, and open the database.")
     ] = False,
@@ -71,7 +72,7 @@ def check(
     from acqd.daemon.config_checks import config_checks
     from acqd.daemon.config_file import load_config
 
-    file = _chosen(path)
+    file = _chosen(path, config)
     findings = [*_keys(file), *config_checks(load_config(file), connect=connect)]
     if json:
         print(orjson.dumps([asdict(finding) for finding in findings]).decode())
@@ -84,6 +85,7 @@ def check(
 @app.command()
 def diff(
     path: _File = None,
+    config: ConfigFile = None,
     other: Annotated[
         Path | None, typer.Argument(metavar="[OTHER]", help="Another file (default: the defaults of this version).")
     ] = None,
@@ -97,7 +99,7 @@ def diff(
     from acqd.daemon.config_file import parsed_config, read_toml
     from acqd.daemon.config_values import differences, shown
 
-    file = _chosen(path)
+    file = _chosen(path, config)
     two = [parsed_config(read_toml(one), one) if one else Config() for one in (file, other)]
     found = [(key, shown(key, here), shown(key, there)) for key, here, there in differences(two[0], two[1])]
     name = str(other) if other else "default"
@@ -115,6 +117,7 @@ def diff(
 @app.command()
 def upgrade(
     path: _File = None,
+    config: ConfigFile = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Show what would change, and change nothing.")] = False,
     json: Json = False,
 ) -> None:
@@ -127,7 +130,7 @@ def upgrade(
     """
     from acqd.installation.config_upgrade import carry_out, planned
 
-    plan = planned(_chosen(path))
+    plan = planned(_chosen(path, config))
     backups = [] if dry_run else carry_out(plan)
     lines = unified_diff(plan.before.splitlines(), plan.after.splitlines(), str(plan.path), "after", n=0, lineterm="")
     if json:
@@ -141,9 +144,11 @@ def upgrade(
     print("\n".join(told) if plan.needed else f"{plan.path}: nothing to do")
 
 
-def _chosen(path: Path | None) -> Path:
-    """The file of the command line, or where commands look. Raises UserError without one."""
-    file = config_file(path)
+def _chosen(path: Path | None, config: Path | None) -> Path:
+    """The file of the command line, by its place or by --config, or where commands look. Raises UserError."""
+    if path is not None and config is not None:
+        raise UserError(f"{path} and --config {config}: expected one file; leave one of them out")
+    file = config_file(path or config)
     if file is None:
         raise UserError("no acqd.toml here and in /etc/acqd: name a file, or acqd config init")
     return file

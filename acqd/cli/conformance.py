@@ -41,7 +41,7 @@ def conformance(
         if out.suffix not in (".html", ".htm"):
             raise UserError(f"{out}: a report ends in .html; choose another --out")
         if not out.absolute().parent.is_dir():
-            raise UserError(f"{out}: the folder does not exist; choose another --out")
+            raise UserError(f"--out {out}: folder {out.absolute().parent} does not exist; create it")
         require("acqd conformance --out", ("jinja2",), "lab")
     from acqd.conformance.sheet import GROUPS, make_sheet
     from acqd.conformance.terminal import Terminal, load_terminal

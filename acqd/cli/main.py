@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import errno
 import gc
-import io
 import logging
 import os
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from types import FrameType
 from typing import NoReturn, TextIO
 
 from typer import Typer
@@ -112,7 +110,7 @@ def for_people(work: Callable[[], object]) -> None:
 
 def _named(error: OSError) -> str:
     """The file, what the system says, and what helps; where no file is known, acqd's innermost step."""
-    what = error.strerror or str(error) or type(error).__name__
+    what = _WORDS.get(error.errno or 0) or error.strerror or str(error) or type(error).__name__
     remedy = _REMEDIES.get(error.errno or 0, "")
     if error.filename is not None:
         return f"{error.filename}: {what}{remedy}"
@@ -124,18 +122,9 @@ def _named(error: OSError) -> str:
     ours = [k for k, (frame, _) in enumerate(frames) if _PROGRAM in Path(frame.f_code.co_filename).parents]
     if not ours:
         return f"{what}{remedy}"
-    if len(names := _written(frame for frame, _ in frames[ours[-1] :])) == 1:
-        return f"{names.pop()}: {what}{remedy}"
     frame, line = frames[ours[-1]]
     file = Path(frame.f_code.co_filename).relative_to(_PROGRAM.parent)
     return f"{what}, in {frame.f_code.co_name} ({file}, line {line}){remedy}"
-
-
-def _written(frames: Iterable[FrameType]) -> set[str]:
-    """Names of the files that these steps have opened for writing: on a full disk, write() knows no name."""
-    values = [value for frame in frames for value in frame.f_locals.values() if isinstance(value, io.IOBase)]
-    names = [getattr(each, "name", None) for each in values if set(str(getattr(each, "mode", ""))) & set("wax+")]
-    return {"standard output" if name == "<stdout>" else str(name) for name in names if isinstance(name, str | Path)}
 
 
 def _flush() -> None:
@@ -153,6 +142,8 @@ def _of_stdout(error: OSError) -> bool:
     return False
 
 
+_WORDS = {errno.ENOENT: "no such file or folder", errno.EISDIR: "is a folder"}
+"""As the messages of every command."""
 _ROOM, _RIGHTS = "; make room, or choose another disk", "; choose another place, or allow it to this user"
 _REMEDIES = {
     errno.ENOSPC: _ROOM, errno.EDQUOT: _ROOM, errno.EFBIG: _ROOM,

@@ -12,7 +12,7 @@ from rich.table import Table
 from acqd.cli.options import Corners, Json, box_of
 from acqd.cli.progress import progress
 from acqd.cli.terminal import terminal
-from acqd.extras import LOOP, require
+from acqd.extras import LOOP, MOTION, require
 
 
 def next_motion(
@@ -41,7 +41,7 @@ def next_motion(
 
     Example: acqd next ds.loop --minutes 3 --limit-speed 50
     """
-    require("acqd next", LOOP, "loop")
+    require("acqd next", (*LOOP, *MOTION), "loop,motion")
     from acqd.dataset.places import default_folder
     from acqd.experiment.design import Asked, as_json, next_motion
     from acqd.experiment.page import headline, steps, table

@@ -14,7 +14,7 @@ from acqd.cli.options import Corners, Json, box_of
 from acqd.cli.progress import progress
 from acqd.cli.terminal import terminal
 from acqd.errors import UserError
-from acqd.extras import LOOP, require
+from acqd.extras import LOOP, MOTION, require
 
 if TYPE_CHECKING:
     from acqd.saving.proposals import Savings
@@ -56,7 +56,7 @@ def save(
 
     Example: acqd save ds.models/grey-box-everything-s1 logs/pick.csv --longer 10%
     """
-    require("acqd save", LOOP, "loop")
+    require("acqd save", (*LOOP, *MOTION), "loop,motion")
     from acqd.dataset.places import default_folder
     from acqd.saving.proposals import savings
     from acqd.saving.source import Asked, opened

@@ -6,14 +6,14 @@ import shutil
 import sys
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import orjson
 import typer
-from rich.console import Console
 from rich.table import Table
 
 from acqd.cli.options import Json
+from acqd.cli.terminal import terminal
 from acqd.errors import UserError
 from acqd.installation.install import install as carry_out
 from acqd.installation.install import remove as undo
@@ -21,6 +21,9 @@ from acqd.installation.install import update as refresh
 from acqd.installation.plan import SERVICES, Wanted, default_program
 from acqd.installation.root import Root
 from acqd.telemetry.topics import valid_device
+
+if TYPE_CHECKING:
+    from acqd.installation.state import State
 
 app = typer.Typer(help="The services of systemd.", no_args_is_help=True)
 _RootOption = Annotated[Path, typer.Option("--root", help="Folder with the files of another system.")]
@@ -91,13 +94,7 @@ def status(root: _RootOption = Path("/"), json: Json = False) -> None:
     elif not found:
         print(f"no service of acqd is installed below {root}")
     else:
-        table = Table("service", "unit", "starts", "state", "configuration", "user at the broker")
-        for column in table.columns:
-            column.overflow = "fold"
-        for one in found:
-            state = f"{one.state}, {one.since}" if one.since else one.state
-            table.add_row(one.service, one.unit, "yes" if one.enabled else "no", state, one.configuration, one.user)
-        Console().print(table)
+        _print_states(found)
     if not all(one.fine for one in found):
         raise typer.Exit(1)
 
@@ -192,6 +189,21 @@ def remove(
     system = Root(root)
     undo(system, purge=purge)
     _report(system, json)
+
+
+def _print_states(found: list[State]) -> None:
+    """A table that fits 80 columns; the files, which are long and mostly one, follow it."""
+    table = Table("service", "unit", "starts", "state, since", "broker user")
+    for column in table.columns:
+        column.overflow = "fold"
+    for one in found:
+        state = f"{one.state}, {one.since}" if one.since else one.state
+        table.add_row(one.service, one.unit, "yes" if one.enabled else "no", state, one.user)
+    console = terminal()
+    console.print(table)
+    for file in dict.fromkeys(one.configuration for one in found):
+        of = [one.service for one in found if one.configuration == file]
+        console.print(f"configuration{'' if len(of) == len(found) else ' of ' + ', '.join(of)}: {file}")
 
 
 def _program(given: str | None) -> str:

@@ -192,7 +192,7 @@ def completeness_command(
     from acqd.storage.completeness import completeness, days_between
     from acqd.storage.database import open_database
     from acqd.storage.gaps import Cause
-    from acqd.storage.waiting import rows_in_spools, with_waiting
+    from acqd.storage.waiting import rows_in_spools, rows_of, with_waiting
 
     settings = configured(config)
     now = datetime.now(UTC)
@@ -204,16 +204,20 @@ def completeness_command(
             bar = shown.add_task(f"rows of {one_day}", total=1.0)
             report += completeness(engine, one_day, now, device, partial(_advance, shown, bar))
             shown.remove_task(bar)
+    spools = settings.state_dir or SERVICES_STATE
+    if not report or any(gap.cause in (Cause.lost, Cause.no_rows) for one in report for gap in one.gaps):
+        try:
+            waiting = rows_in_spools(spools) if spools.is_dir() else {}
+        except OperationError as error:
+            terminal(stderr=True).print(f"note: {error}")
+            waiting = {}
+        report = with_waiting(report, waiting)
+        if not report and (count := rows_of(waiting, device)):
+            raise OperationError(f"no row is stored yet, {count} rows wait in {spools}: is a sink running? acqd status")
     if device is not None and not report:
         raise UserError(f"--device {device!r}: the database has no rows of this device on {wanted[-1]} or before")
     if not report:
         raise OperationError(f"the database has no rows and no roll-ups until {wanted[-1]}: is it the right one?")
-    spools = settings.state_dir or SERVICES_STATE
-    if any(gap.cause == Cause.lost for one in report for gap in one.gaps) and spools.is_dir():
-        try:
-            report = with_waiting(report, rows_in_spools(spools))
-        except OperationError as error:
-            terminal(stderr=True).print(f"note: {error}")
     if json:
         print(orjson.dumps([asdict(one) | {"missing": one.missing} for one in report]).decode())
     else:

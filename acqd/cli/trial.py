@@ -22,7 +22,7 @@ from acqd.cli.lab.circle import Circle
 from acqd.cli.lab.steps import Steps
 from acqd.cli.options import Json
 from acqd.cli.terminal import terminal
-from acqd.extras import LOOP, require
+from acqd.extras import LOOP, MOTION, require
 
 _ROBOT = "iiwa7_r800"
 _BEFORE, _AFTER = ("--limited", 4, "--all", 8), ("--limited", 4, "--all", 4)
@@ -46,7 +46,7 @@ def trial(
 
     Example: acqd try --seed 2
     """
-    require("acqd try", LOOP, "lab,loop")
+    require("acqd try", (*LOOP, *MOTION), "lab,loop")
     from acqd.atomic import write_complete
     from acqd.lab.trial.hidden import drawn
 

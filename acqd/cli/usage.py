@@ -11,6 +11,7 @@ from acqd.errors import in_our_words
 _WORDS = (
     (r"^Invalid value for '([^']*)': ", r"\1: "),
     (r" is not one of ", ": expected "),
+    (r"^No such option: (-[\d.]+)$", r"\1: expected a number that is not negative"),
     (r"^No such", "no such"),
     (r"^Missing", "missing"),
     (r"^Got unexpected", "unexpected"),

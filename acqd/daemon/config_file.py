@@ -48,8 +48,8 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise InputError(path, "cannot be read (Permission denied); may this user read it (sudo)?") from None
     except OSError as error:
         raise InputError(path, f"cannot be read ({error.strerror}); expected a file of TOML") from None
-    except UnicodeDecodeError as error:
-        raise InputError(path, f"cannot be read ({error})") from None
+    except UnicodeDecodeError:
+        raise InputError(path, "cannot be read (no UTF-8 text); expected a file of TOML") from None
     except (ValueError, RecursionError) as error:  # ValueError: also numbers of more than 4300 digits
         hint = "; several sources are all written as [[source]]" if "'source'" in str(error) else ""
         raise InputError(path, f"is not valid TOML: {error}{hint}") from None

@@ -59,11 +59,13 @@ def _rows(path: Path, reader: Reader, device: str | None, channel: str | None, n
     for table in reader(path, []):  # the first pass finds what there is to choose from
         present |= set(zip(*_devices_and_channels(table), strict=True))
     chosen = choose(str(path), present, device, channel)
+    before = 0
     for table in reader(path, notes):
         rows = [k for k, pair in enumerate(zip(*_devices_and_channels(table), strict=True)) if pair == chosen]
         clock = _clock_column(path, table.schema.names)
         if rows:
-            yield _power_rows(path, table, clock, rows)
+            yield _power_rows(path, table, clock, rows, before)
+        before += len(table)
 
 
 def parquet_batches(path: Path, _notes: list[str]) -> Iterator[pa.RecordBatch]:
@@ -222,25 +224,27 @@ def _clock_column(path: Path, names: list[str]) -> str:
     return clock
 
 
-def _power_rows(path: Path, table: pa.RecordBatch, clock: str, rows: list[int]) -> PowerRows:
+def _power_rows(path: Path, table: pa.RecordBatch, clock: str, rows: list[int], before: int) -> PowerRows:
+    """The `rows` of a batch; `before` it, the file has so many data rows."""
     data = table.to_pydict()
     volts = data.get("Vrms", [None] * len(table))
     flags = [_flag_names(data["flags"][k]) for k in rows] if "flags" in data else [()] * len(rows)
     column = table.column(clock).take(pa.array(rows))
-    stamps, local = _stamps(path, column, clock), _without_zone(column)
-    P = [_number(path, "P", data["P"][k]) for k in rows]
-    Vrms = [_number(path, "Vrms", volts[k]) for k in rows]
+    numbers = [before + k + 1 for k in rows]
+    stamps, local = _stamps(path, column, clock, numbers), _without_zone(column)
+    P = [_number(path, "P", data["P"][k], before + k + 1) for k in rows]
+    Vrms = [_number(path, "Vrms", volts[k], before + k + 1) for k in rows]
     try:
         return PowerRows.of(stamps, P, Vrms, flags, without_zone=local)
     except ValueError as error:
         raise InputError(path, f"column P or Vrms: {error}") from None
 
 
-def _stamps(path: Path, column: pa.Array, name: str) -> Nanoseconds:
-    """Nanoseconds UTC; timestamps with a zone are taken as they are. Raises InputError."""
+def _stamps(path: Path, column: pa.Array, name: str, numbers: list[int]) -> Nanoseconds:
+    """Nanoseconds UTC of the data rows `numbers`; timestamps with a zone are taken as they are. Raises InputError."""
     if pa.types.is_timestamp(column.type) and column.type.tz is not None and not column.null_count:
         return np.asarray(column.cast(UTC_NS).cast(pa.int64()).to_numpy())
-    return parse_times(path, name, [_timestamp(cell) for cell in column.to_pylist()])
+    return parse_times(path, name, [_timestamp(cell) for cell in column.to_pylist()], numbers)
 
 
 def _without_zone(column: pa.Array) -> bool:
@@ -255,14 +259,16 @@ def _timestamp(cell: object) -> object:
     return cell.isoformat() if hasattr(cell, "isoformat") else cell
 
 
-def _number(path: Path, column: str, cell: object) -> float:
+def _number(path: Path, column: str, cell: object, row: int) -> float:
     """The number in a cell; NaN in an empty one. Raises InputError for text."""
     try:
         return float("nan") if cell is None or cell == "" else float(cell)  # type: ignore[arg-type]
     except ValueError:
         text = str(cell)[:_SHOWN]
         raise InputError(
-            path, f"column {column} holds {text!r}: expected numbers without units, and empty cells for missing values"
+            path,
+            f"data row {row}: column {column} holds {text!r}: expected numbers without units, and empty cells for "
+            "missing values",
         ) from None
 
 

@@ -86,7 +86,7 @@ def by_mark(engine: sa.Engine, device: str, marks: Marks, begin: int, end: int, 
     """Unix times [s]. Raises NoRowsError, UserError for several channels, or InputError where there is no price."""
     step_s = 60 if tariff is not None and tariff.by_minute else 900
     with engine.connect() as connection:
-        channel = channel_of(device, stored.channels(connection, device, begin, end))
+        channel = channel_of(connection, device, begin, end)
         interval = stored.row_interval(connection, device, channel, begin, end)
         if interval is None:
             raise NoRowsError(f"device {device!r} has no rows in this period, only roll-ups at most; parts need rows")

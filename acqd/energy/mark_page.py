@@ -113,6 +113,7 @@ def _bars(one: ByMark, by: str) -> Figure:
     for axes, widths, label in ((energy, whole, "kWh"), (a_visit, visit, "kWh a visit")):
         axes.barh(range(len(names)), widths, color=colours)
         axes.set_xlabel(label)
+        axes.locator_params(axis="x", nbins=4)  # small numbers are long words
         axes.grid(axis="x", alpha=0.4)
         axes.set_axisbelow(True)
     shown = [name if len(name) <= 24 else f"{name[:23]}…" for name in names]

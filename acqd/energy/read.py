@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from datetime import UTC, datetime, tzinfo
 from itertools import chain
 
 import numpy as np
@@ -37,6 +38,17 @@ def has_rows(engine: sa.Engine, device: str, begin: int, end: int) -> bool:
     """Whether a device has rows or roll-ups between two Unix times [s]."""
     with engine.connect() as connection:
         return bool(stored.channels(connection, device, begin, end))
+
+
+def span_text(connection: sa.Connection, device: str, zone: tzinfo = UTC) -> str:
+    """From when to when rows or roll-ups of a device are stored, in words."""
+    span = stored.stored_span(connection, device)
+    return "at no time" if span is None else _from_to(*span, zone)
+
+
+def _from_to(begin: int, end: int, zone: tzinfo) -> str:
+    first, last = (datetime.fromtimestamp(each, zone).strftime("%Y-%m-%d %H:%M") for each in (begin, end))
+    return f"from {first} to {last} ({zone})"
 
 
 def read_account(
@@ -76,7 +88,7 @@ class _Readings:
     ) -> None:
         first, last = begin // seconds * seconds, -(-end // seconds) * seconds
         self._connection, self._device = connection, device
-        self._channel = channel = channel_of(device, stored.channels(connection, device, begin, end))
+        self._channel = channel = channel_of(connection, device, begin, end)
         self._buckets, _ = stored.read_buckets(connection, device, channel, seconds, first, last, kept)
         interval = stored.row_interval(connection, device, channel, max(begin - _LOOK_BACK_S, 0), end)
         self._interval = interval or _usual_interval(self._buckets)
@@ -119,12 +131,16 @@ def resolution(boundaries: Sequence[int], tariff: Tariff | None) -> int:
     return _MINUTE_S
 
 
-def channel_of(device: str, channels: set[str]) -> str:
+def channel_of(connection: sa.Connection, device: str, begin: int, end: int) -> str:
     """The total where there is one, else the only channel. Raises NoRowsError, or UserError for several."""
+    channels = stored.channels(connection, device, begin, end)
     if "total" in channels:
         return "total"
     if not channels:
-        raise NoRowsError(f"device {device!r} has no rows in this period; `acqd energy` needs another --from, --to")
+        raise NoRowsError(
+            f"device {device!r} has no rows {_from_to(begin, end, UTC)}, only {span_text(connection, device)}; choose "
+            "another --from and --to"
+        )
     if len(channels) > 1:
         raise UserError(f"device {device!r} has the channels {', '.join(sorted(channels))} but no total")
     return next(iter(channels))

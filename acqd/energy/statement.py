@@ -12,9 +12,12 @@ import sqlalchemy as sa
 from acqd.energy.account import Account, Period, sum_of
 from acqd.energy.comparison import Comparison, compare
 from acqd.energy.periods import Range, Split, boundaries, label
-from acqd.energy.read import devices, read_account
+from acqd.energy.read import devices, read_account, span_text
 from acqd.energy.tariff import Tariff
 from acqd.errors import InputError, UserError
+
+_NAMED = 3
+"""Devices in a message."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +76,8 @@ def statement_of(
             datetime.fromtimestamp(each, zone).strftime("%Y-%m-%d %H:%M") for each in (chosen.begin, chosen.end)
         )
         raise UserError(
-            f"no device has rows from {begin} to {end}: choose another period by --from and --to, or --last"
+            f"no device has rows from {begin} to {end}, only {_stored(engine, zone)}: choose another period by --from "
+            "and --to, or --last"
         )
     periods = [sum_of(together) for together in zip(*(account.periods for account in accounts), strict=True)]
     total = sum_of([account.total for account in accounts]) if len(accounts) > 1 else accounts[0].total
@@ -95,6 +99,14 @@ def _known(engine: sa.Engine, wanted: Sequence[str], chosen: Range) -> list[str]
     if wanted:
         return list(dict.fromkeys(wanted))
     return [name for name in known if _has_rows(engine, name, chosen)]
+
+
+def _stored(engine: sa.Engine, zone: ZoneInfo) -> str:
+    """Which times of which devices are stored, of three devices at most."""
+    names = devices(engine)
+    with engine.connect() as connection:
+        spans = [f"{name} {span_text(connection, name, zone)}" for name in names[:_NAMED]]
+    return ", ".join(spans) + (f" and {len(names) - _NAMED} other devices" if len(names) > _NAMED else "")
 
 
 def _has_rows(engine: sa.Engine, device: str, chosen: Range) -> bool:

@@ -16,7 +16,7 @@ from acqd.arrays import Floats
 from acqd.experiment.space import Space
 from acqd.motion.chain import Move
 from acqd.motion.controller import BrakeSettings, Controller, Motion, Step, Wait
-from acqd.robot.dynamics import gravity_torque
+from acqd.robot.inertia import gravity_torque
 
 SPEEDS = {"slow": 0.1, "half speed": 0.4, "full speed": 1.0}
 """Shares of the greatest speed of a joint."""
@@ -94,7 +94,7 @@ def _kinds(space: Space, random: np.random.Generator) -> Iterator[tuple[str, lis
 
 def _extremes(space: Space) -> dict[str, Floats]:
     """Measured postures with the greatest and the least torque against gravity."""
-    load = np.linalg.norm(gravity_torque(space.arm, space.postures), axis=1)
+    load = np.linalg.norm(gravity_torque(space.arm.description, space.postures), axis=1)
     return {"stretched": space.postures[load.argmax()], "folded": space.postures[load.argmin()]}
 
 

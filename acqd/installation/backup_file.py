@@ -158,7 +158,7 @@ def _reading(path: Path) -> Iterator[tarfile.TarFile]:
         with tarfile.open(path, "r:gz") as tar:
             yield tar
     except FileNotFoundError as error:
-        raise InputError(error.filename or path, "does not exist; expected a file of acqd service backup") from None
+        raise InputError(error.filename or path, "no such file; expected one of acqd service backup") from None
     except (tarfile.TarError, EOFError, ValueError, zlib.error) as error:
         raise InputError(path, f"{_BROKEN} ({error})") from None
     except OSError as error:  # gzip.BadGzipFile has no number

@@ -10,6 +10,7 @@ import numpy as np
 import orjson
 
 from acqd.arrays import Floats
+from acqd.atomic import naming
 from acqd.errors import InputError, UserError
 from acqd.lab.cell import MOTION, Cell, build_cell
 from acqd.lab.instruments.data_recorder import log_suffix
@@ -142,7 +143,8 @@ def _write_waveform(path: Path, parts: list[Codes], settings: LabSettings, *, ti
     arrays |= {"fs": np.array(form.rate), "f_nominal": np.array(form.f_nominal)}
     if timed:
         arrays["start_utc_ns"] = np.array(settings.start_utc_ns)
-    np.savez_compressed(path, allow_pickle=False, **arrays)
+    with naming(path):
+        np.savez_compressed(path, allow_pickle=False, **arrays)
     return path
 
 
@@ -157,7 +159,8 @@ def _write_truth(path: Path, settings: LabSettings, truth: SessionTruth) -> Path
         "P_W": truth.power,
         "P_without_effects_W": truth.clean_power,
     }
-    path.write_bytes(orjson.dumps(content, option=orjson.OPT_SERIALIZE_NUMPY))
+    with naming(path):
+        path.write_bytes(orjson.dumps(content, option=orjson.OPT_SERIALIZE_NUMPY))
     return path
 
 

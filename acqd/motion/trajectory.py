@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from acqd.arrays import Floats
+from acqd.atomic import naming
 from acqd.errors import InputError
 from acqd.robot.description import RobotDescription
 from acqd.robot.table import read_table
@@ -30,7 +31,8 @@ def header(robot: RobotDescription) -> list[str]:
 def write_trajectory(path: Path, trajectory: Trajectory, robot: RobotDescription) -> None:
     """Write a trajectory with a resolution of 1e-6 deg."""
     rows = [",".join(f"{value:.6f}" for value in row) for row in np.degrees(trajectory.waypoints)]
-    path.write_text("\n".join([",".join(header(robot)), *rows, ""]), encoding="utf-8")
+    with naming(path):
+        path.write_text("\n".join([",".join(header(robot)), *rows, ""]), encoding="utf-8")
 
 
 def read_trajectory(path: Path, robot: RobotDescription) -> Trajectory:

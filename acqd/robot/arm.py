@@ -1,4 +1,4 @@
-"""The Pinocchio model of a robot description, with or without a payload. Needs the `lab` extra."""
+"""The Pinocchio model of a robot description, with or without a payload. Needs the `motion` extra."""
 
 from __future__ import annotations
 

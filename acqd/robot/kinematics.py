@@ -34,13 +34,6 @@ def forward_kinematics(arm: Arm, q: Floats) -> tuple[Floats, Floats]:
     return positions, rotations
 
 
-def joint_origins(arm: Arm, q: Floats) -> Floats:
-    """Positions [axes + 2, 3] (m) of base, joints and flange at one configuration [axes], for drawings."""
-    pin.framesForwardKinematics(arm.model, arm.data, q)
-    inner = [arm.data.oMi[k].translation for k in range(1, arm.axes + 1)]
-    return np.array([np.zeros(3), *inner, arm.data.oMf[arm.flange].translation])
-
-
 def flange_jacobian(arm: Arm, q: Floats) -> Floats:
     """Jacobian [T, 6, axes] of the flange: three linear rows (m/rad or m/m), then three angular ones; base axes."""
     frame = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED

@@ -12,10 +12,9 @@ from typing import Literal
 import numpy as np
 
 from acqd.arrays import Floats
-from acqd.robot.arm import Arm
 from acqd.robot.description import RobotDescription
-from acqd.robot.dynamics import gravity_torque
-from acqd.robot.kinematics import joint_origins
+from acqd.robot.inertia import central_tensor, gravity_torque
+from acqd.robot.posture import Posture
 
 _POSTURES = 400
 _TRIANGLE_SLACK = 0.01
@@ -47,24 +46,21 @@ class Finding:
 
 def implausible(robot: RobotDescription) -> list[Finding]:
     """All remarks, what is wrong first."""
-    arm = Arm(robot)
-    reach = _reach(arm)
-    found = [*_bodies(arm, reach), *_limits(robot), *_masses(robot), *_efforts(arm), *_drives(robot)]
+    found = [*_bodies(robot), *_limits(robot), *_masses(robot), *_efforts(robot), *_drives(robot)]
     return sorted(found, key=lambda each: each.state != "wrong")
 
 
-def _reach(arm: Arm) -> float:
+def _reach(robot: RobotDescription) -> float:
     """Length of the arm from joint to joint [m], its slides drawn out."""
-    origins = joint_origins(arm, np.zeros(arm.axes))
-    travel = sum(abs(joint.limits[1] - joint.limits[0]) for joint in arm.description.joint if joint.slides)
+    origins = Posture.of(robot, np.zeros(robot.axes)).points
+    travel = sum(abs(joint.limits[1] - joint.limits[0]) for joint in robot.joint if joint.slides)
     return float(np.linalg.norm(np.diff(origins[1:], axis=0), axis=1).sum()) + travel
 
 
-def _bodies(arm: Arm, reach: float) -> Iterator[Finding]:
-    joints = arm.description.joint
+def _bodies(robot: RobotDescription) -> Iterator[Finding]:
+    joints, reach = robot.joint, _reach(robot)
     for k, joint in enumerate(joints):
-        body = arm.model.inertias[k + 1]
-        moments = np.linalg.eigvalsh(body.inertia)
+        moments: Floats = np.asarray(np.linalg.eigvalsh(central_tensor(joint.link)), dtype=np.float64)
         key = f"{joint.name}.link.inertia"
         if moments[2] > (1 + _TRIANGLE_SLACK) * (moments[0] + moments[1]) + 1e-9:
             text = f"principal moments {_listed(moments)} kg m^2: no body has one that exceeds the sum of the others"
@@ -76,9 +72,7 @@ def _bodies(arm: Arm, reach: float) -> Iterator[Finding]:
         if radius < _LEAST_GYRATION * reach:
             text = f"radius of gyration {radius:.3g} m in an arm of {reach:.3g} m"
             yield Finding("doubtful", key, text, "a placeholder? A body of that mass would be a point")
-        following = (
-            np.array(joints[k + 1].xyz) if k + 1 < len(joints) else arm.model.frames[arm.flange].placement.translation
-        )
+        following = np.array(joints[k + 1].xyz if k + 1 < len(joints) else robot.flange.xyz)
         away = _distance(np.array(joint.link.com), following)
         if away > max(_COM_LEAST_M, _COM_REACH_SHARE * reach):
             text = f"{away:.3g} m from the line to the next joint, in an arm of {reach:.3g} m"
@@ -102,11 +96,10 @@ def _masses(robot: RobotDescription) -> Iterator[Finding]:
         yield Finding("doubtful", "link.mass", f"all links weigh {masses.pop():g} kg", "a placeholder?")
 
 
-def _efforts(arm: Arm) -> Iterator[Finding]:
+def _efforts(robot: RobotDescription) -> Iterator[Finding]:
     """Rated efforts against what holds the arm in random postures."""
-    robot = arm.description
     q = np.random.default_rng(1).uniform(robot.lower, robot.upper, (_POSTURES, robot.axes))
-    holding = np.abs(gravity_torque(arm, q)).max(axis=0)
+    holding = np.abs(gravity_torque(robot, q)).max(axis=0)
     for joint, needed in zip(robot.joint, holding, strict=True):
         key = f"{joint.name}.{'force_N' if joint.slides else 'torque_Nm'}"
         unit = "N" if joint.slides else "Nm"

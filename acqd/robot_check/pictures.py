@@ -9,9 +9,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from acqd.arrays import Floats
-from acqd.robot.arm import Arm
 from acqd.robot.description import RobotDescription
-from acqd.robot.kinematics import joint_origins
+from acqd.robot.posture import Posture
 
 _ARM, _MASS, _CAPSULE = "#d97706", "#2563eb", "#94a3b8"
 _AXIS_M = 0.08
@@ -20,7 +19,6 @@ _POINTS = 190  # points of the figure from edge to edge of a drawing
 
 def arm_picture(robot: RobotDescription) -> Figure:
     """The arm in two postures: all joints in the middle of their limits, and a quarter of the way to the upper ones."""
-    arm = Arm(robot)
     low, high = np.maximum(robot.lower, -np.pi), np.minimum(robot.upper, np.pi)
     for k in robot.sliding:
         low[k], high[k] = robot.lower[k], robot.upper[k]
@@ -32,7 +30,7 @@ def arm_picture(robot: RobotDescription) -> Figure:
     figure = Figure(figsize=(11, 5.2))
     for number, (title, q) in enumerate(postures.items()):
         axes: Any = figure.add_subplot(1, 2, number + 1, projection="3d")
-        _draw(axes, arm, q)
+        _draw(axes, robot, q)
         axes.set_title(title, fontsize=12)
     handles = [
         Line2D([], [], color=_ARM, lw=2, marker="o", ms=4), Line2D([], [], color="black", lw=1),
@@ -44,25 +42,26 @@ def arm_picture(robot: RobotDescription) -> Figure:
     return figure
 
 
-def _draw(axes: Any, arm: Arm, q: Floats) -> None:
-    origins = joint_origins(arm, q)
+def _draw(axes: Any, robot: RobotDescription, q: Floats) -> None:
+    posture = Posture.of(robot, q)
+    origins = posture.points
     half = _half_width(origins)
-    bodies = [arm.description.base.capsules, *(joint.capsules for joint in arm.description.joint)]
+    bodies = [robot.base.capsules, *(joint.capsules for joint in robot.joint)]
     for k, capsules in enumerate(bodies):
         for capsule in capsules:
-            ends = np.array([arm.data.oMi[k].act(np.array(end)) for end in (capsule.start, capsule.end)])
+            ends = np.array([posture.placed(k, end) for end in (capsule.start, capsule.end)])
             axes.plot(
                 *ends.T, color=_CAPSULE, linewidth=_POINTS * capsule.radius / half, alpha=0.3, solid_capstyle="round"
             )
     axes.plot(*origins.T, color=_ARM, linewidth=2, marker="o", markersize=4)
-    for k, joint in enumerate(arm.description.joint, start=1):
-        frame = arm.data.oMi[k]
-        direction = frame.rotation @ (np.array(joint.axis) / np.linalg.norm(joint.axis))
-        ends = np.array([frame.translation - _AXIS_M * direction, frame.translation + _AXIS_M * direction])
+    for k, joint in enumerate(robot.joint, start=1):
+        place = posture.origin[k]
+        direction = posture.rotation[k] @ (np.array(joint.axis) / np.linalg.norm(joint.axis))
+        ends = np.array([place - _AXIS_M * direction, place + _AXIS_M * direction])
         axes.plot(*ends.T, color="black", linewidth=1, linestyle="--" if joint.slides else "-")
-        centre = frame.act(np.array(joint.link.com))
+        centre = posture.placed(k, joint.link.com)
         axes.scatter(*centre, s=12 * joint.link.mass + 4, color=_MASS, alpha=0.7)
-        axes.text(*(frame.translation + 1.3 * _AXIS_M * direction), str(k), fontsize=11)
+        axes.text(*(place + 1.3 * _AXIS_M * direction), str(k), fontsize=11)
     _equal(axes, origins)
 
 

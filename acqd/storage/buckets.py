@@ -13,7 +13,7 @@ import sqlalchemy as sa
 from acqd.arrays import Floats
 from acqd.storage import conversion, numbered_rows
 from acqd.storage.schema import ROLLUPS, power
-from acqd.timestamps import filetime
+from acqd.timestamps import filetime, unix_s
 
 _TICKS = 10_000_000
 _FULL = 0.998
@@ -124,6 +124,22 @@ def has_flag(connection: sa.Connection, device: str, channel: str, begin: int, e
     query = sa.select(c.flags).where(c.device == device, c.channel == channel)
     query = query.where(c.filetime >= _ticks(begin), c.filetime < _ticks(end)).order_by(c.filetime.desc()).limit(1)
     return flag in (connection.execute(query).scalar() or ())
+
+
+def stored_span(connection: sa.Connection, device: str) -> tuple[int, int] | None:
+    """Unix times [s] of the first and the last row or roll-up of a device; None without any."""
+    bounds: list[tuple[float | None, float | None]] = []
+    for seconds, table in ROLLUPS.items():
+        query = sa.select(sa.func.min(table.c.start), sa.func.max(table.c.start) + seconds)
+        bounds += [tuple(row) for row in connection.execute(query.where(table.c.device == device))]
+    ends = []
+    for order in (power.c.filetime, power.c.filetime.desc()):
+        row = connection.execute(sa.select(power.c.filetime).where(power.c.device == device).order_by(order).limit(1))
+        ends.append(row.scalar())
+    if ends[0] is not None and ends[1] is not None:
+        bounds.append((unix_s(ends[0]), unix_s(ends[1])))
+    known = [(int(first), int(last)) for first, last in bounds if first is not None and last is not None]
+    return (min(first for first, _ in known), max(last for _, last in known)) if known else None
 
 
 def channels(connection: sa.Connection, device: str, begin: int, end: int) -> set[str]:

@@ -55,9 +55,8 @@ def open_database(url: str, *, create: bool = True) -> sa.Engine:
     there and for a server's database without tables, as an empty replica is: only the sink makes them.
     """
     engine = engine_for(url)
-    path = engine.url.database
-    if not create and engine.dialect.name == "sqlite" and path and not Path(path).exists():
-        raise UserError(f"database {Path(path).absolute()} does not exist; check its path and the folder you are in")
+    if not create:
+        _require_file(engine)
     if not create and engine.dialect.name != "sqlite":
         _check_tables(engine)
     prepare(engine)
@@ -103,9 +102,7 @@ def read_database(url: str) -> sa.Engine:
     Raises UserError for a URL that cannot be used, and for a SQLite file that is not there.
     """
     engine = engine_for(url, impatient=True)
-    path = engine.url.database
-    if engine.dialect.name == "sqlite" and path and not Path(path).exists():
-        raise UserError(f"database {Path(path).absolute()} does not exist; check its path and the folder you are in")
+    _require_file(engine)
     sa.event.listen(engine, "handle_error", _named)
     return engine
 
@@ -202,9 +199,18 @@ def engine_for(url: str, *, impatient: bool = False) -> sa.Engine:
         ) from None
 
 
+def _require_file(engine: sa.Engine) -> None:
+    """Raises UserError where SQLite's file is not there."""
+    path = engine.url.database
+    if engine.dialect.name == "sqlite" and path and not Path(path).exists():
+        raise UserError(f"database {Path(path).absolute()}: no such file; check its path and the folder you are in")
+
+
 def _check_folder(path: str | None) -> None:
     if path and path != ":memory:" and not Path(path).absolute().parent.is_dir():
         raise UserError(f"database {path}: folder {Path(path).absolute().parent} does not exist; create it")
+    if path and Path(path).is_dir():
+        raise UserError(f"database {path}: is a folder; expected a file, such as {Path(path) / 'acqd.sqlite'}")
 
 
 def file_of(engine: sa.Engine) -> Path | None:

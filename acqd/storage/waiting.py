@@ -33,8 +33,26 @@ def rows_in_spools(state_dir: Path) -> dict[Stream, Ranges]:
 
 
 def with_waiting(report: Iterable[Completeness], rows: Mapping[Stream, Ranges]) -> list[Completeness]:
-    """The report with `waiting` as the cause of missing rows that are in a spool, instead of `lost`."""
-    return [replace(one, gaps=[part for gap in one.gaps for part in _parts(one, gap, rows)]) for one in report]
+    """The report with `waiting` as the cause of missing rows that are in a spool, instead of `lost` or `no rows`."""
+    return [replace(one, gaps=_with_waiting(one, rows)) for one in report]
+
+
+def rows_of(rows: Mapping[Stream, Ranges], device: str | None = None, channel: str | None = None) -> int:
+    """How many rows wait, of one device and channel if they are named."""
+    return sum(
+        len(ranges)
+        for stream, ranges in rows.items()
+        if device in (None, stream.device) and channel in (None, stream.channel)
+    )
+
+
+def _with_waiting(one: Completeness, rows: Mapping[Stream, Ranges]) -> list[Gap]:
+    gaps = [part for gap in one.gaps for part in _parts(one, gap, rows)]
+    if not gaps or gaps[-1].cause != Cause.no_rows:
+        return gaps
+    # the spool is sent in the order of time: what is left in it follows the last row that is stored
+    left = rows_of(rows, one.device, one.channel) - sum(gap.rows for gap in gaps if gap.cause == Cause.waiting)
+    return [*gaps[:-1], *_divided(gaps[-1], max(0, min(left, gaps[-1].rows)))]
 
 
 def _waiting_in(path: Path) -> Iterator[tuple[Stream, Ranges]]:
@@ -53,5 +71,9 @@ def _parts(one: Completeness, gap: Gap, rows: Mapping[Stream, Ranges]) -> list[G
         return [gap]
     last_seq = gap.first_seq + gap.rows - 1
     waiting = sum(max(0, min(last, last_seq) - max(first, gap.first_seq) + 1) for first, last in spooled)
+    return _divided(gap, waiting)
+
+
+def _divided(gap: Gap, waiting: int) -> list[Gap]:
     parts = [replace(gap, rows=waiting, cause=Cause.waiting), replace(gap, rows=gap.rows - waiting)]
     return [part for part in parts if part.rows]

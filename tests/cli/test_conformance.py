@@ -34,8 +34,8 @@ def test_bad_input_is_one_line(tmp_path):
     for words, said in (
         (("--only", "colour"), "--only colour: unknown; expected one of frequency"),
         (("--out", tmp_path / "sheet.pdf"), "a report ends in .html"),
-        (("--out", tmp_path / "none" / "sheet.html"), "the folder does not exist"),
-        (("--terminal", tmp_path / "none.toml"), "cannot be read"),
+        (("--out", tmp_path / "none" / "sheet.html"), "does not exist; create it"),
+        (("--terminal", tmp_path / "none.toml"), "no such file"),
     ):
         done = acqd_here("conformance", *words)
         assert done.returncode == 2 and said in done.stderr and done.stderr.count("\n") == 1

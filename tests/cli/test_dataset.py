@@ -21,7 +21,7 @@ def test_the_command_builds_shows_and_refuses(campaign, training, logs, tmp_path
     again = acqd_here(*common, out, "--power", campaign / "power.sqlite")
     assert again.returncode == 2 and "exists; choose another --out" in again.stderr
     wrong = acqd_here(*common, tmp_path / "other", "--power", tmp_path / "nothing.sqlite")
-    assert wrong.returncode == 2 and "does not exist" in wrong.stderr
+    assert wrong.returncode == 2 and "no such file" in wrong.stderr
     none = acqd_here("dataset", "show", tmp_path)
     assert none.returncode == 2 and "is not a dataset" in none.stderr
 

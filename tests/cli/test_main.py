@@ -142,7 +142,7 @@ def test_an_error_of_the_system_says_where_it_was_met(tmp_path, monkeypatch, cap
         (
             lambda: (tmp_path / "none").read_bytes(),
             2,
-            [f"{tmp_path / 'none'}: No such file or directory; check the path"],
+            [f"{tmp_path / 'none'}: no such file or folder; check the path"],
         ),
         (lambda: private("x", 0), 1, ["Invalid argument", "in private (acqd/atomic.py, line "]),
         (lost, 1, ["Invalid argument", "in for_people"]),
@@ -157,13 +157,15 @@ def test_an_error_of_the_system_says_where_it_was_met(tmp_path, monkeypatch, cap
 FULL = """
 import sys
 from pathlib import Path
+from acqd.atomic import naming
 from acqd.cli.main import for_people
 
 def bill(config=Path("config.toml"), state=Path("state.json")):
     print("12 kWh")
 
 def write(config=Path("config.toml"), out=Path("/dev/full")):
-    out.write_bytes(b"x" * 20_000)
+    with naming(out):
+        out.write_bytes(b"x" * 20_000)
 
 for_people({"bill": bill, "write": write}[sys.argv[1]])
 """

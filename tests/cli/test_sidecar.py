@@ -11,7 +11,7 @@ from tests.commands import acqd_here
     [
         (("none", "--model", "{bundle}", "--database", "p.sqlite"), "none is not a folder"),
         (("logs", "--model", "logs", "--database", "p.sqlite"), "no bundle"),
-        (("logs", "--model", "{bundle}", "--database", "x.sqlite"), "does not exist"),
+        (("logs", "--model", "{bundle}", "--database", "x.sqlite"), "no such file"),
         (("logs", "--model", "{bundle}", "--database", "p.sqlite", "--live", "--no-mqtt"), "--no-mqtt"),
     ],
 )

@@ -16,6 +16,7 @@ MISTAKES = {
     ("plan", "many"): "plan: N: expected a whole number; see acqd plan --help",
     ("plan", "3", "4"): "plan: unexpected extra argument(s) (4); see acqd plan --help",
     ("energy", "--bye", "day"): "energy: no such option: --bye",
+    ("plan", "-5"): "plan: -5: expected a number that is not negative",
     ("energy", "--by"): "energy: --by: expected an argument after the option; see acqd energy --help",
     ("archive", "verify", "--config"): "archive verify: --config: expected an argument after the option; see acqd a",
     ("train",): "train: missing argument 'DS'; see acqd train --help",

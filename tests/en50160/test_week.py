@@ -132,6 +132,6 @@ def test_bad_input_is_one_line(database, tmp_path):
         (report(database, "--from", "2025-06-16", "--to", "2025-06-15"), "--to '2025-06-15': expected a time up to"),
         (report(database, "--from", "2024-01-01"), "no 10 min values of power quality from 2024-01-01"),
         (report(database, "--out", tmp_path / "week.pdf"), "a report ends in .html"),
-        (report(tmp_path / "none.sqlite"), "does not exist"),
+        (report(tmp_path / "none.sqlite"), "no such file"),
     ):
         assert done.returncode == 2 and said in done.stderr and done.stderr.count("\n") == 1, done.stderr

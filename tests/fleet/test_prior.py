@@ -84,7 +84,7 @@ def test_the_file_of_a_prior_is_read_as_it_was_written_and_damage_is_named(model
         (tmp_path / "p.json").write_text(text)
         with pytest.raises(InputError, match=r"p\.json: is no prior of a fleet"):
             FleetPrior.read(tmp_path / "p.json")
-    with pytest.raises(InputError, match="cannot be read"):
+    with pytest.raises(InputError, match="no such file"):
         FleetPrior.read(tmp_path / "none.json")
 
 
@@ -127,7 +127,7 @@ def test_train_refuses_a_prior_that_does_not_fit(closed, model, tmp_path):
     for words, said in (
         (("--network", "grey-box", "--prior", tmp_path / "plant.toml"), "too few for a prior"),
         (("--network", "7x1dim", "--prior", tmp_path / "plant.toml"), "--prior is for"),
-        (("--network", "grey-box", "--prior", tmp_path / "none.json"), "none.json: cannot be read"),
+        (("--network", "grey-box", "--prior", tmp_path / "none.json"), "none.json: no such file"),
     ):
         assert said in refused(acqd_here("train", ds, *words, "--out", tmp_path / "b"))
     assert not (tmp_path / "b").exists()

@@ -192,7 +192,7 @@ def test_a_backup_that_cannot_be_written_leaves_nothing(root, tmp_path):
     with gzip.open(tmp_path / "z.tar.gz", "wb") as file:
         file.write(b"\0" * 1024)
     assert "has no manifest" in refused(restored(root, tmp_path / "z.tar.gz", "--check"))
-    assert "does not exist" in refused(restored(root, tmp_path / "nothing.tar.gz"))
+    assert "no such file" in refused(restored(root, tmp_path / "nothing.tar.gz"))
 
 
 def test_what_a_backup_leaves_out_is_said(root, tmp_path):

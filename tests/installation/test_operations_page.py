@@ -93,7 +93,7 @@ def test_every_command_of_the_page_works_by_hand(services, tmp_path, tmp_path_fa
             allowed = (0, 1)  # the services are there since today
         assert done.returncode in allowed, said
         assert "no credentials" not in said and "no state_dir" not in said, said
-        assert "does not exist" not in done.stderr or words[:2] == ["archive", "list"], said
+        assert "no such file" not in done.stderr or words[:2] == ["archive", "list"], said
     status = acqd_here("status", cwd=folder)
     assert status.returncode == 0, status.stdout
     checked = acqd_here("config", "check", "--connect", cwd=folder)

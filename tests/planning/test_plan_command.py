@@ -53,7 +53,7 @@ def test_figures_of_another_computer_replace_those_of_the_package(tmp_path):
         (["200", "--quality", "10"], "--quality 10: expected one of off, 10/12, 150/180, 10min"),
         (["200", "--disk", "-1"], "--disk -1: expected"),
         (["200", "--disk", "0.1"], "a year of roll-ups"),
-        (["200", "--measured", "none.json"], "none.json: cannot be read"),
+        (["200", "--measured", "none.json"], "none.json: no such file"),
         (["200", "--measured", "other.json"], "holds no figure that a plan uses"),
         (["200", "--measured", "half.json"], "has no figure 'CPU of sinks'"),
         (["200", "--measured", "text.json"], "is no JSON"),

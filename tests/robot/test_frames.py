@@ -1,14 +1,13 @@
-"""The chain of a description as plain numbers, against Pinocchio."""
+"""The chain of a description as plain numbers, against the geometry of its posture."""
 
 import numpy as np
 import pytest
 
 from acqd.models.effects.cause import Cause
 from acqd.report.palette import CAUSES
-from acqd.robot.arm import Arm
 from acqd.robot.description import load_description
 from acqd.robot.frames import frames_of
-from acqd.robot.kinematics import joint_origins
+from acqd.robot.posture import Posture
 from tests.robot.sliding import scara
 
 DESCRIPTIONS = [*map(load_description, ("iiwa7_r800", "ur10e", "kinova_gen3")), scara()]
@@ -27,7 +26,7 @@ def test_placements_and_axes_give_the_places_of_the_joints(description):
         at = at @ placement(joint["at"]) @ np.block([[*moved], [0, 0, 0, 1]])
         points.append(at[:3, 3])
     points.append((at @ placement(frames["flange"]))[:3, 3])
-    assert np.allclose(points, joint_origins(Arm(description), q)[1:], atol=2e-5)
+    assert np.allclose(points, Posture.of(description, q).points[1:], atol=2e-5)
 
 
 def placement(rows):

@@ -85,8 +85,8 @@ def test_a_clock_that_goes_back_is_named(tmp_path):
 
 def test_a_directory_and_binary_files_are_no_logs(tmp_path):
     (tmp_path / "x.log").write_bytes(b"\xff\xff\x00\x01")
-    for path, reason in ((tmp_path, "Is a directory"), (tmp_path / "x.log", "no UTF-8 text")):
-        with pytest.raises(InputError, match=f"cannot be read .{reason}"):
+    for path, reason in ((tmp_path, "is a folder"), (tmp_path / "x.log", "cannot be read .no UTF-8 text")):
+        with pytest.raises(InputError, match=reason):
             read_log(path, load_description("iiwa7_r800"))
 
 

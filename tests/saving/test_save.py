@@ -102,7 +102,7 @@ def test_the_laboratory_executes_a_program_file(place, program):
         ("itself.toml", (), "(collision)"),
         ("other.toml", (), "is a program of ur3e, not of ur10e"),
         ("empty.toml", (), "a step has either to, or wait"),
-        ("absent.csv", (), "cannot be read"),
+        ("absent.csv", (), "no such file"),
         ("log.csv", ("--free-order",), "--free-order needs a program file"),
         ("program.toml", ("--free-order",), "switches the tool"),
     ],

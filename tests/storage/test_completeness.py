@@ -120,7 +120,7 @@ def test_the_command_reports_lost_rows_with_exit_1(tmp_path):
     assert "no rows of this device" in refused(
         acqd_here("sink", "completeness", "--day", "2023-11-15", "--database", path, "--device", "x")
     )
-    assert "does not exist" in refused(acqd_here("sink", "completeness", "--database", tmp_path / "b.sqlite"))
+    assert "no such file" in refused(acqd_here("sink", "completeness", "--database", tmp_path / "b.sqlite"))
     several = ("sink", "completeness", "--from", "2023-11-14", "--to", "2023-11-17", "--database", path)
     assert [one["day"] for one in json.loads(acqd_here(*several, "--json").stdout)] == ["2023-11-15", "2023-11-16"]
     assert "2023-11-16 (UTC)" in acqd_here(*several).stdout
@@ -150,6 +150,22 @@ def test_rows_that_wait_in_the_spool_are_not_lost(tmp_path, monkeypatch):
     assert shown.returncode == 0, shown.stderr
     [line] = [line for line in shown.stdout.splitlines() if "waiting" in line]  # the gap of both channels, once
     assert "L1 total" in line and "23:59:45.000" in line and "23:59:50.000" in line and " 5 " in line
+    spool.close()
+
+
+def test_rows_after_the_last_one_that_is_stored_wait_too(tmp_path, monkeypatch):
+    """The sink is away: nothing of the evening is stored, and the spool has most of it."""
+    path, state = tmp_path / "a.sqlite", tmp_path / "state"
+    store(open_database(str(path)), [at(k) for k in range(86_360, 86_380)])
+    spool = Spool(state / "spool-cell1")
+    (config := tmp_path / "acqd.toml").write_text(f'state_dir = "{state}"\n')
+    spool.append([SpooledRow(Stream("cell1", "L1", "boot1"), k, b"row") for k in range(86_380, 86_395)])
+    command = ("sink", "completeness", "--config", config, "--day", "2023-11-15", "--json", "--database")
+    [one] = json.loads(acqd_here(*command, path).stdout)
+    assert [(gap["rows"], gap["cause"]) for gap in one["gaps"]] == [(15, "waiting"), (5, "no rows")]
+    open_database(str(empty := tmp_path / "empty.sqlite")).dispose()
+    done = acqd_here(*command, empty)
+    assert done.returncode == 1 and "no row is stored yet, 15 rows wait in" in done.stderr
     spool.close()
 
 

@@ -100,6 +100,6 @@ def test_a_file_that_is_no_database_is_named_and_left_alone(tmp_path):
 
 @pytest.mark.parametrize("opened", [lambda url: open_database(url, create=False), read_database])
 def test_a_database_that_is_away_is_named_without_an_option_of_some_command(tmp_path, opened):
-    with pytest.raises(UserError, match=r"nosuch\.sqlite does not exist") as caught:
+    with pytest.raises(UserError, match=r"nosuch\.sqlite: no such file") as caught:
         opened(str(tmp_path / "nosuch.sqlite"))
     assert " --" not in str(caught.value)  # the name came with --power, or from a configuration

@@ -53,7 +53,7 @@ def test_a_tariff_says_what_they_cost(week, tmp_path):
     (tmp_path / "tariff.toml").write_text('zone = "Europe/Berlin"\n[[time_of_use]]\nprice = 0.5\n')
     answer = EnergyOfDays(EnergySection(tariff=tmp_path / "tariff.toml")).of(week, row(0).device)
     assert answer["yesterday"]["EUR"] == pytest.approx(12 * 0.6, abs=0.01)
-    with pytest.raises(UserError, match="cannot be read"):
+    with pytest.raises(UserError, match="no such file"):
         EnergyOfDays(EnergySection(tariff=tmp_path / "nowhere.toml"))
 
 

@@ -89,7 +89,7 @@ def test_a_secret_that_is_missing_or_short_is_refused_in_one_line(tmp_path):
     with pytest.raises(UserError, match="20 letters or more"):
         section.proxy.secret()
     (tmp_path / "secret").unlink()
-    with pytest.raises(UserError, match="cannot be read"):
+    with pytest.raises(UserError, match="no such file"):
         section.proxy.secret()
     with pytest.raises(ValueError, match="no group"):
         ProxySection(secret_file=tmp_path / "secret")
@@ -115,7 +115,7 @@ def test_the_check_of_a_configuration_reads_the_secret(tmp_path):
         (tmp_path / "secret").chmod(mode)
         assert [each.state for each in _secrets(config)] == [state]
     (tmp_path / "secret").unlink()
-    assert "cannot be read" in next(_secrets(config)).finding
+    assert "no such file" in next(_secrets(config)).finding
 
 
 def test_the_cookie_secret_is_base64_for_addresses():

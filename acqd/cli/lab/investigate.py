@@ -19,7 +19,7 @@ from acqd.cli.lab.steps import Step, Steps
 from acqd.cli.options import Json
 from acqd.cli.terminal import terminal
 from acqd.errors import UserError
-from acqd.extras import LOOP, require
+from acqd.extras import LOOP, MOTION, require
 
 _SHORT = ("--limited", "4", "--all", "0")
 """Recordings after the change: two minutes with the tool down leave small changes open."""
@@ -39,13 +39,13 @@ def investigate(
 
     Example: acqd lab investigate --out circle --undeclared payload:mass_kg=0.35
     """
-    require("acqd lab investigate", LOOP, "lab,loop")
-    from acqd.lab.effects import parse_effect
+    require("acqd lab investigate", (*LOOP, *MOTION), "lab,loop")
+    from acqd.lab.effects import check_axes, parse_effect
+    from acqd.robot.description import load_description
 
     if not undeclared:
         raise UserError("--undeclared: name the change to hide, such as payload:mass_kg=0.35 (acqd lab effects)")
-    for text in undeclared:
-        parse_effect(text, declared=False)
+    check_axes([parse_effect(text, declared=False) for text in undeclared], load_description(robot).axes)
     circle = Circle(Steps(out, Console(stderr=True)), robot)
     plant = ("--seed", str(seed))
     found = _run(circle, plant, undeclared, minutes)

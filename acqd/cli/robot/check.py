@@ -31,9 +31,9 @@ def check(
 
     Example: acqd robot check arm.toml --out arm.html
     """
-    require("acqd robot check", ("pinocchio",), "lab")
+    require("acqd robot check", ("scipy",), "loop")
     if out is not None:
-        require("acqd robot check --out", ("jinja2", "matplotlib"), "lab")
+        require("acqd robot check --out", ("jinja2", "matplotlib"), "loop")
     from acqd.robot.description import load_description
     from acqd.robot_check.check import check_description
 

@@ -11,7 +11,7 @@ import typer
 from acqd.cli.options import Json
 from acqd.cli.terminal import terminal
 from acqd.errors import UserError
-from acqd.extras import require
+from acqd.extras import MOTION, require
 
 
 def from_urdf(
@@ -27,7 +27,7 @@ def from_urdf(
 
     Example: acqd robot from-urdf arm.urdf --tip tool0 --out arm.toml
     """
-    require("acqd robot from-urdf", ("pinocchio",), "lab")
+    require("acqd robot from-urdf", MOTION, "motion")
     from acqd.atomic import write_complete
     from acqd.robot.toml_text import description_text
     from acqd.robot.urdf.describe import describe_urdf

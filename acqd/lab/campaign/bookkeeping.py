@@ -11,6 +11,7 @@ from typing import Any, TextIO
 import orjson
 import sqlalchemy as sa
 
+from acqd.atomic import naming
 from acqd.errors import InputError, OperationError, UserError
 from acqd.lab.campaign.folders import Folders
 from acqd.lab.cell import device_name
@@ -54,7 +55,8 @@ def _lock_file(folders: Folders, settings: CampaignSettings) -> TextIO:
         folders.out.mkdir(parents=True, exist_ok=True)
         folders.truth.mkdir(parents=True, exist_ok=True)
         if stored is None:
-            path.write_bytes(orjson.dumps(requested, option=orjson.OPT_INDENT_2))
+            with naming(path):
+                path.write_bytes(orjson.dumps(requested, option=orjson.OPT_INDENT_2))
         return (folders.truth / "lock").open("w")
     except (orjson.JSONDecodeError, AttributeError, TypeError):
         raise InputError(path, "is damaged; remove the campaign and its truth folder, and run it again") from None

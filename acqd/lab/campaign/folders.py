@@ -8,6 +8,8 @@ from typing import Any
 
 import orjson
 
+from acqd.atomic import naming
+
 
 @dataclass(frozen=True, slots=True)
 class Folders:
@@ -40,5 +42,6 @@ class Folders:
 def write_json(path: Path, content: dict[str, Any]) -> None:
     """Write JSON under a temporary name and rename it: a reader never sees half a file."""
     temporary = path.with_suffix(".part")
-    temporary.write_bytes(orjson.dumps(content, option=orjson.OPT_INDENT_2 | orjson.OPT_SERIALIZE_NUMPY))
-    temporary.replace(path)
+    with naming(path):
+        temporary.write_bytes(orjson.dumps(content, option=orjson.OPT_INDENT_2 | orjson.OPT_SERIALIZE_NUMPY))
+        temporary.replace(path)

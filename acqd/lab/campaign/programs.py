@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from acqd.arrays import Floats
+from acqd.atomic import naming
 from acqd.lab.campaign.folders import Folders
 from acqd.lab.campaign.use_case import Assembly
 from acqd.lab.cell import MOTION, Cell
@@ -53,7 +54,8 @@ class Programs:
         stamps = np.arange(0, len(motion), _TWIN_PERIOD_MS)
         header = ",".join(["time", *(f"q{k + 1}" for k in range(cell.robot.axes))])
         lines = [",".join([f"{k / 1000:.3f}", *(f"{value:.7g}" for value in motion.q[k])]) for k in stamps]
-        (folder / f"{recording.name}.csv").write_text("\n".join([header, *lines, ""]), encoding="utf-8")
+        with naming(path := folder / f"{recording.name}.csv"):
+            path.write_text("\n".join([header, *lines, ""]), encoding="utf-8")
 
     def _assembly(self) -> Assembly:
         if self._robot is None:

@@ -10,6 +10,7 @@ import numpy as np
 import orjson
 
 from acqd.arrays import Floats
+from acqd.atomic import naming
 from acqd.errors import OperationError
 from acqd.lab.campaign.folders import Folders
 from acqd.lab.campaign.programs import Programs
@@ -40,19 +41,21 @@ def run_session(settings: CampaignSettings, plan: SessionPlan, folders: Folders)
         complete = True
     finally:
         rows.close(complete=complete)
-    np.savez_compressed(
-        folders.truth / f"{plan.name}.npz",
-        start_utc_ns=np.int64(truth.start_utc_ns),
-        window_s=np.float64(truth.window_s),
-        P_W=truth.power,
-        P_without_effects_W=truth.clean_power,
-        P_metered_W=truth.metered,
-    )
+    with naming(known := folders.truth / f"{plan.name}.npz"):
+        np.savez_compressed(
+            known,
+            start_utc_ns=np.int64(truth.start_utc_ns),
+            window_s=np.float64(truth.window_s),
+            P_W=truth.power,
+            P_without_effects_W=truth.clean_power,
+            P_metered_W=truth.metered,
+        )
     report = _report(cell, plan, truth) | {"boot": plan.boot(settings)}
     path = folders.work / f"{plan.name}.json"
     temporary = path.with_suffix(f".{os.getpid()}")
-    temporary.write_bytes(orjson.dumps(report, option=orjson.OPT_SERIALIZE_NUMPY))
-    temporary.replace(path)
+    with naming(path):
+        temporary.write_bytes(orjson.dumps(report, option=orjson.OPT_SERIALIZE_NUMPY))
+        temporary.replace(path)
     return report
 
 

@@ -10,6 +10,7 @@ from typing import Any
 import orjson
 
 from acqd import __version__
+from acqd.atomic import naming
 from acqd.lab.cell import Cell
 from acqd.motion.excitation import Tally
 from acqd.motion.trajectory import Trajectory, write_trajectory
@@ -66,4 +67,5 @@ def write(trajectories: TrajectorySet, cell: Cell, folder: Path) -> None:
         write_trajectory(folder / f"{trajectory.name}.csv", trajectory, cell.robot)
     manifest = {"acqd": __version__, "robot": cell.robot.name, "scene": cell.scene.name}
     manifest["checked_at"] = "10 points" if trajectories.thesis else "2 deg"
-    (folder / MANIFEST).write_bytes(orjson.dumps(manifest | trajectories.summary(), option=orjson.OPT_INDENT_2))
+    with naming(folder / MANIFEST):
+        (folder / MANIFEST).write_bytes(orjson.dumps(manifest | trajectories.summary(), option=orjson.OPT_INDENT_2))

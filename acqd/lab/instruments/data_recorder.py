@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from acqd.arrays import Floats
+from acqd.atomic import naming
 from acqd.motion.controller import RATE
 from acqd.robot.description import LogColumns, RobotDescription
 
@@ -125,7 +126,8 @@ def _write_datarecorder(
     for stamp, row in zip(stamps_ns, table.tolist(), strict=True):
         ms = max(stamp // 1_000_000, ms + 1)  # no millisecond is repeated
         lines.append(f"{ms // 1000} {ms % 1000 * 1_000_000} " + " ".join([f"{value:.7g}" for value in row]))
-    path.write_text("\n".join([*lines, ""]), encoding="utf-8")
+    with naming(path):
+        path.write_text("\n".join([*lines, ""]), encoding="utf-8")
 
 
 def _write_csv(path: Path, columns: dict[str, Floats], stamps_ns: list[int]) -> None:
@@ -135,7 +137,8 @@ def _write_csv(path: Path, columns: dict[str, Floats], stamps_ns: list[int]) -> 
     for stamp, row in zip(stamps_ns, table.tolist(), strict=True):
         us = stamp // 1000
         lines.append(f"{us // 1_000_000}.{us % 1_000_000:06d}," + ",".join([f"{value:.7g}" for value in row]))
-    path.write_text("\n".join([*lines, ""]), encoding="utf-8")
+    with naming(path):
+        path.write_text("\n".join([*lines, ""]), encoding="utf-8")
 
 
 def _table(columns: dict[str, Floats]) -> tuple[list[str], Floats]:

@@ -15,7 +15,9 @@ from acqd.motion.excitation import Cube
 from acqd.motion.trajectory import Trajectory
 from acqd.robot.arm import Arm
 from acqd.robot.collision import dense_path
-from acqd.robot.kinematics import forward_kinematics, joint_origins
+from acqd.robot.kinematics import forward_kinematics
+from acqd.robot.newton_euler import rotation_of
+from acqd.robot.posture import Posture
 from acqd.robot.scene import Box, Scene
 
 _ROBOT, _PATH, _CUBE, _BOX = "#d97706", "#2563eb", "#059669", "#64748b"
@@ -104,7 +106,7 @@ def two_executions(names: Sequence[str], executions: Sequence[Floats], rate: flo
 
 
 def _draw_robot(axes: Any, arm: Arm, q: Floats, alpha: float) -> None:
-    axes.plot(*joint_origins(arm, q).T, "o-", color=_ROBOT, linewidth=3, markersize=3, alpha=alpha)
+    axes.plot(*Posture.of(arm.description, q).points.T, "o-", color=_ROBOT, linewidth=3, markersize=3, alpha=alpha)
 
 
 def _draw_cube(axes: Any, cube: Cube) -> None:
@@ -121,9 +123,7 @@ def _draw_scene(axes: Any, scene: Scene, alpha: float = 0.18) -> None:
 
 
 def _faces(box: Box) -> list[Floats]:
-    import pinocchio as pin
-
-    turn = pin.rpy.rpyToMatrix(np.radians(box.rpy_deg))
+    turn = rotation_of(box.rpy_deg)
     faces = []
     for axis in range(3):
         others = [k for k in range(3) if k != axis]

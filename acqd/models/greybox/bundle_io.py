@@ -38,7 +38,7 @@ def learned_from(config: TrainConfig) -> dict[str, Any]:
 
 def fitted(config: TrainConfig, data: Dataset, progress: Progress) -> Fit:
     """The fit of a grey box with its covariance. Raises UserError when robot and dataset differ in axes."""
-    from acqd.models.greybox.fit import fit_grey_box  # needs pinocchio, which prediction does not
+    from acqd.models.greybox.fit import fit_grey_box
 
     robot = load_description(config.robot or data.description)
     if robot.axes != data.axes:

@@ -13,9 +13,8 @@ import pinocchio as pin
 from pydantic import ValidationError
 
 from acqd.errors import InputError
-from acqd.robot.arm import Arm
 from acqd.robot.description import RobotDescription
-from acqd.robot.dynamics import gravity_torque
+from acqd.robot.inertia import gravity_torque
 from acqd.robot.section import complaint
 from acqd.robot.urdf.bodies import Bodies, Body, merge_bodies, rounded, triple
 from acqd.robot.urdf.branch import Branch, choose_branch, listed
@@ -148,7 +147,7 @@ def _guess_missing_efforts(path: Path, table: dict[str, Any]) -> None:
         joint |= {key("acceleration", kind): 1.0, "drive": guessed_drive(Rated(1.0, 1.0), kind)}
     robot = _validated(path, table | {"joint": provisional})
     q = np.random.default_rng(1).uniform(robot.lower, robot.upper, (_POSTURES, robot.axes))
-    holding = np.abs(gravity_torque(Arm(robot), q)).max(axis=0)
+    holding = np.abs(gravity_torque(robot, q)).max(axis=0)
     turning = max((float(holding[k]) for k in range(robot.axes) if not robot.joint[k].slides), default=0.0)
     for k in missing:  # a vertical axis and a horizontal rail hold nothing, yet they have motors
         moved_kg = sum(joint.link.mass for joint in robot.joint[k:])

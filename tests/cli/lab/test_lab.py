@@ -28,7 +28,7 @@ print([m for m in ('pinocchio', 'scipy', 'matplotlib', 'ray') if m in sys.module
         (["trajectories", "--out", "x", "--scene", "crate.toml", "--space", "all"], "box 'crate'"),
         (["execute", "short.csv", "--out", "x"], "short.csv: has 2 columns, but iiwa7_r800 has 7 axes"),
         (["execute", "back.csv", "--out", "x"], "back.csv: time goes from"),
-        (["execute", "missing.csv", "--out", "x"], "missing.csv: cannot be read"),
+        (["execute", "missing.csv", "--out", "x"], "missing.csv: no such file"),
         (["execute", "good.csv"], "give either --out FOLDER"),
         (["execute", "good.csv", "--out", "x", "--effect", "gremlins"], "effect 'gremlins' is unknown"),
         (["execute", "good.csv", "--out", "x", "--settings", "lab.toml"], "lab.toml: mains.voltage"),

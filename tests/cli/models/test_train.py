@@ -20,7 +20,7 @@ from tests.commands import acqd, acqd_here, without_workers
         (("train", "{ds}", "--network", "hybrid", "--robot", "ur10e"), "axes"),
         (("compare", "{ds}", "--models", "{tmp}"), "no bundles there"),
         (("predict", "{tmp}", "{log}"), "is not a bundle"),
-        (("predict", "{models}/grey-box-everything-s1", "{tmp}/none.log"), "cannot be read"),
+        (("predict", "{models}/grey-box-everything-s1", "{tmp}/none.log"), "no such file"),
     ],
 )
 def test_bad_input_is_named(training, trained, logs, tmp_path, arguments, expected):

@@ -75,8 +75,11 @@ def dataset(name: str, payload_kg: float, seed: int) -> None:
 
 
 def loop() -> str:
-    """A grey box from a dataset, and the closing loop on another one with a payload."""
+    """A grey box from a dataset, the closing loop on another one with a payload, and the check of the robot."""
     import acqd as api
+
+    assert not find_spec("pinocchio"), "Pinocchio is installed"
+    command("robot", "check", ROBOT, "--out", "robot.html")
 
     dataset("before", 0.0, 1)
     dataset("now", 3.0, 2)
