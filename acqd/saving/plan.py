@@ -125,7 +125,7 @@ class Cycle(ABC):
 
 def at_rest(seconds: float) -> float:
     """`Cycle.unlike_s` of a rest at one posture."""
-    return max(abs(seconds), seconds**2 / BLOCK_S)
+    return seconds**2 / BLOCK_S
 
 
 def _as_it_is(seconds: float) -> Curve:
