@@ -20,7 +20,7 @@ from pathlib import Path
 import orjson
 from rich.table import Table
 
-from acqd.discrepancy.causes.belief import Belief, shipped
+from acqd.discrepancy.causes.belief import Belief, Calibration, shipped
 from tools.common.tables import show
 from tools.studies.causes.fit import calibrated, figures, left_out, reliability
 from tools.studies.causes.standings import Row, read
@@ -48,7 +48,7 @@ def main() -> None:
     kept = shipped() if given.nothing_only else None
     if given.calibrate:
         source = _source(rows)
-        calibration = calibrated(rows, f"{shipped().source}; nothing: {source}" if kept else source, kept)
+        calibration = calibrated(rows, f"{_first_fit(kept)}; nothing: {source}" if kept else source, kept)
         given.calibrate.write_bytes(orjson.dumps(calibration.as_json(), option=orjson.OPT_INDENT_2) + b"\n")
     beliefs = {
         "as shipped": [shipped().believed(row.standing) for row in rows],
@@ -89,6 +89,10 @@ def _cell(key: str, value: float) -> str:
     if value != value:
         return "-"
     return f"{value:.0f}" if key == "cases" else f"{value:.2f}" if key == "size" else f"{100 * value:.0f} %"
+
+
+def _first_fit(kept: Calibration) -> str:
+    return kept.source.partition("; nothing: ")[0]
 
 
 def _source(rows: Sequence[Row]) -> str:
