@@ -78,7 +78,8 @@ def _robot(bundle: Bundle) -> _Robot:
         int(bundle.metadata["axes"]), tuple(bundle.metadata["signals"]), tuple(bundle.metadata.get("sliding", ()))
     )
     names = [entry["name"] for entry in table]
-    return _Robot(names, powers(layout), _from_intervals(table) if known is None else known)
+    power = powers(layout)[: len(names)]  # an earlier version has no estimate of the last parameter
+    return _Robot(names, power, _from_intervals(table) if known is None else known)
 
 
 def _from_intervals(table: Sequence[dict[str, Any]]) -> Likelihood:

@@ -119,7 +119,7 @@ def _grey(name: str, grey: GreyBox, model: Predictor) -> str:
     fields = [
         grey.group("inertial").reshape(-1, 10),
         *(grey.group(each) for each in ("rotor", "coulomb", "viscous", "copper", "conduction")),
-        *(grey.group(each)[0] for each in ("gain", "lag", "standby")),
+        *(grey.group(each)[0] for each in ("gain", "lag", "standby", "sign_speed")),
         np.array([*(weights.get(signal, 0.0) for signal in model.signals), 0.0]),
     ]
     brake = model.signals.index("brake") if "brake" in grey.signals else -1

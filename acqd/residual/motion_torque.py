@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from acqd.arrays import Floats
-from acqd.models.greybox.model import GreyBox, direction
+from acqd.models.greybox.model import GreyBox
 from acqd.models.greybox.parameters import inertial_spread
 from acqd.models.segments import Segment
 from acqd.residual.known_rows import known_rows
@@ -50,7 +50,7 @@ class JointRows:
             known *= (segment.signals["brake"] == 1.0)[:, None]
         if side == "motor":  # a joint at rest sticks: its motor carries any torque up to breakaway
             known *= np.abs(qd) > NOISE.stick_rad_s
-        columns = np.concatenate([bodies, np.stack([np.ones_like(q), direction(qd), qd, qdd, torque])])
+        columns = np.concatenate([bodies, np.stack([np.ones_like(q), model.direction(qd), qd, qdd, torque])])
         return cls((columns * known).transpose(2, 1, 0), known)
 
     def products(self) -> Floats:

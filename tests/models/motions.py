@@ -45,12 +45,12 @@ def streamed(model, q, signals=None):
     return np.array([value for value in each if value is not None] + stream.finish())
 
 
-def iiwa_power(q, seed=None):
+def iiwa_power(q, seed=None, direction=np.sign):
     """Another expression of a robot's power: Pinocchio, straight signs, a lag by Euler's rule in tenths of a step."""
     description = load_description("iiwa7_r800")
     _, qd, qdd = motion(q, STEP)
     tau = 1.04 * inverse_dynamics(Arm(description), q, qd, qdd)
-    motor = tau + 2.0 * qdd + 6.0 * np.sign(qd) + 8.0 * qd
+    motor = tau + 2.0 * qdd + 6.0 * direction(qd) + 8.0 * qd
     now = 150 + 1.06 * (motor * qd).sum(axis=1) + 0.0025 * (motor**2).sum(axis=1)
     fine = np.repeat(now, 10)
     out = np.empty_like(fine)

@@ -1,5 +1,7 @@
 """The grey box: its fit, its terms, its hybrid."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 
@@ -27,6 +29,16 @@ def test_the_grey_box_recovers_what_made_the_data(grey):
     assert 0.01 < half[k] < 4
     unseen = names.index("m.link1")  # mass of the link that only turns about the vertical: no power tells of it
     assert half[unseen] > 0.2 * fit.model.values[unseen]
+
+
+@pytest.mark.parametrize("speed", [0.006, 0.02])
+def test_the_speed_within_which_friction_turns_is_estimated(speed):
+    data = dataset(partial(iiwa_power, direction=lambda qd: np.tanh(qd / speed)))
+    fit = fit_grey_box(load_description("iiwa7_r800"), data.part("train"), STEP, 1, lambda share: None)
+    estimate, half = fit.model.group("sign_speed")[0], 1.96 * np.sqrt(fit.covariance[-1, -1])
+    assert estimate == pytest.approx(speed, abs=half + 0.2 * speed) and half < 0.01
+    torque = fit.model.direction(np.array([-speed, 0.0, speed]))
+    assert torque == pytest.approx([-0.76, 0.0, 0.76], abs=0.12)
 
 
 def test_the_terms_of_a_grey_box_add_up_and_stream(grey):

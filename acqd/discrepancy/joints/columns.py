@@ -11,7 +11,6 @@ from acqd.models.effects.effect import Effect
 from acqd.models.effects.places import Shape
 from acqd.models.effects.scene import Scene
 from acqd.models.effects.substeps import averaged
-from acqd.models.greybox.model import direction
 from acqd.models.greybox.parameters import Layout, prior
 from acqd.models.segments import Segment
 from acqd.residual.logged_torque import Side, logged
@@ -83,7 +82,7 @@ def base_columns(scene: Scene, layout: BaseLayout, inertial: Floats) -> Floats:
     own = np.arange(scene.axes)
     X[:, own, layout.part("offset").start + own] = 1.0
     if layout.side == "motor":
-        forward = averaged(direction(scene.qd))
+        forward = averaged(scene.direction)
         X[:, own, layout.part("coulomb").start + own] = forward
         X[:, own, layout.part("viscous").start + own] = averaged(scene.qd)
         X[:, own, layout.part("rotor").start + own] = averaged(scene.qdd)

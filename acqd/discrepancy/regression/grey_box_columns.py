@@ -11,7 +11,7 @@ import numpy as np
 from acqd.arrays import Floats
 from acqd.models.effects.scene import Scene
 from acqd.models.effects.substeps import Lag, averaged
-from acqd.models.greybox.model import direction, magnitude
+from acqd.models.greybox.model import magnitude
 from acqd.robot.newton_euler import joint_torques
 
 _LAG_STEP_S = 1e-3
@@ -37,11 +37,13 @@ def grey_box_columns(scene: Scene, withheld: frozenset[str] = frozenset()) -> Fl
         torques = joint_torques(model.chain, bodies[of_link], scene.q, scene.qd, scene.qdd)
         inertial[:, of_link] = np.einsum("ktj,tj->tk", torques, slope)
     at_substeps[:, layout.part("rotor")] = slope * scene.qdd
-    at_substeps[:, layout.part("coulomb")] = slope * direction(scene.qd)
+    at_substeps[:, layout.part("coulomb")] = slope * scene.direction
     at_substeps[:, layout.part("viscous")] = slope * scene.qd
     at_substeps[:, layout.part("copper")] = scene.tau**2
     at_substeps[:, layout.part("conduction")] = magnitude(scene.tau)
     at_substeps[:, layout.part("gain")] = (scene.tau * scene.qd).sum(axis=1, keepdims=True)
+    turned = slope * model.group("coulomb") * model.direction_slope(scene.qd)
+    at_substeps[:, layout.part("sign_speed")] = turned.sum(axis=1, keepdims=True)
     lag_s = float(model.group("lag")[0])
     columns = averaged(Lag(lag_s, scene.step_s).run(at_substeps))
     faster, slower = max(lag_s - _LAG_STEP_S, 0.0), lag_s + _LAG_STEP_S

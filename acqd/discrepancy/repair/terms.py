@@ -138,8 +138,7 @@ def _parameters(selected: Selected, certain: Intervals, scale: TorqueScale, mode
     for name, value in selected.shape.items():
         unit = next((unit for ending, unit in _UNITS.items() if name.endswith(ending)), "-")
         half = certain.shape_half or None if name in effect.bounds else None  # 0: nothing depends on it, as in a gantry
-        wide_shape = None if half is None else _with_columns(effect.simplified(selected.place), value, half)
-        parameters[name] = _shown(float(value), unit, wide_shape)
+        parameters[name] = _shown(float(value), unit, half)
     return parameters | _first_moment(selected, certain, scale, model)
 
 

@@ -106,16 +106,20 @@ def columns_of(design: Design, effect: Effect, place: Place, gate: Floats) -> _C
 def _searched(rows: Rows, gate: Floats, own: Candidate, columns: _Columns) -> tuple[Rows, dict[str, float]]:
     """The shape that explains most, by Brent's bounded search, and rows with its columns.
 
-    Of long recordings, the search takes the segments whose scenes are kept: a quarter of an hour determines a shape.
+    All shapes compete at the secant slope of the scanned one: columns of a small effect would draw a large friction
+    wrong, and the shape would make up for that. Of long recordings, the search takes the segments whose scenes are
+    kept: a quarter of an hour determines a shape.
     """
     assert own.variant is not None
     name, value = next(iter(own.variant.shape.items()))
     low, high = _between(columns.effect.shapes, name, value, columns.effect.bounds[name])
     some = replace(columns, open=columns.open & rows.design.columns.scenes.kept or columns.open)
     among = gate * np.array([part.segment in some.open for part in rows.design.parts])
+    _, scanned = at_secant_slope(rows, among, own, some, own.variant.shape)
+    size = None if scanned is None else scanned.coefficients
 
     def negative_evidence(trial: float) -> float:
-        changed = rows.on(rows.design.with_replaced(own.indices, some({name: trial})))
+        changed = rows.on(rows.design.with_replaced(own.indices, some({name: trial}, size)))
         at_trial = replace(own, fitted=Variant(columns.place, columns.place.columns, {name: trial}))
         found = ranked(changed, among, [at_trial])
         return -found[0].evidence if found else 0.0

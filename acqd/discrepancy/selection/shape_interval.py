@@ -31,7 +31,11 @@ class Fit:
 
     coefficients: Floats
     variance: Floats
+    drop: float
+    """Reduction of the white squared error."""
     shape: float | None = None
+    shape_variance: float = 0.0
+    """In white noise; 0 where the evidence has no maximum, so that nothing is known."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,9 +72,8 @@ class Neighbours:
 
     def fit(self, weights: Floats) -> Fit:
         """Size and shape for blocks that count `weights` [blocks] times."""
-        parts = [self._at(k, weights) for k in range(3)]
-        drops = np.array([drop for drop, _ in parts])
-        fits = [fit for _, fit in parts]
+        fits = [self._at(k, weights) for k in range(3)]
+        drops = np.array([fit.drop for fit in fits])
         curvature = float(drops[0] - 2 * drops[1] + drops[2])
         step = self.values[1] - self.values[0]
         if curvature >= 0:  # no maximum here: the best of the three, and nothing known of its distance
@@ -79,19 +82,20 @@ class Neighbours:
         low, middle, high = (fit.coefficients for fit in fits)
         slope = (high - low) / 2
         bend = (low - 2 * middle + high) / 2
-        variance = fits[1].variance + slope**2 * 2 / -curvature  # the drop is twice the log-likelihood
-        return Fit(middle + slope * vertex + bend * vertex**2, variance, self.values[1] + vertex * step)
+        steps = 2 / -curvature  # variance of the vertex: the drop is twice the log-likelihood
+        return Fit(
+            middle + slope * vertex + bend * vertex**2, fits[1].variance + slope**2 * steps, float(drops.max()),
+            self.values[1] + vertex * step, step**2 * steps,
+        )  # fmt: skip
 
-    def _at(self, number: int, weights: Floats) -> tuple[float, Fit]:
+    def _at(self, number: int, weights: Floats) -> Fit:
         return fit_at(
             self.designs[number], self.regressions[number], self.candidates[number], self.selected.gate.open, weights
         )
 
 
-def fit_at(
-    design: Design, regression: Regression, candidate: Candidate, gate: Floats, weights: Floats
-) -> tuple[float, Fit]:
-    """Reduction of the white squared error, and the fit, by generalised least squares within physical bounds."""
+def fit_at(design: Design, regression: Regression, candidate: Candidate, gate: Floats, weights: Floats) -> Fit:
+    """The fit by generalised least squares within physical bounds."""
     competition = regression.compete(candidate.indices, gate, weights)
     schur, products = competition.schur, competition.products
     at_joints = design.at_joints(candidate, gate * weights)
@@ -99,4 +103,4 @@ def fit_at(
         schur, products = schur + at_joints.precision, products + at_joints.product
     coefficients = within(schur, products, solve_part(schur, products), *bounds_of(candidate))
     drop = float(2 * products @ coefficients - coefficients @ schur @ coefficients)
-    return drop, Fit(coefficients, np.diag(np.linalg.pinv(schur)))
+    return Fit(coefficients, np.diag(np.linalg.pinv(schur)), drop)

@@ -14,6 +14,7 @@ from acqd.discrepancy.selection.placing import without
 from acqd.discrepancy.selection.shape_interval import Fit, Neighbours, fit_at
 from acqd.discrepancy.selection.switched_size import sizes_by_levels, switches
 from acqd.discrepancy.thresholds import THRESHOLDS
+from acqd.models.effects import library
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,10 +55,10 @@ def intervals(selection: Selection, selected: Selected) -> Intervals:
     def fit(weights: Floats) -> Fit:
         if neighbours is not None:
             return neighbours.fit(weights)
-        return fit_at(design, regression, selected.finding.candidate, selected.gate.open, weights)[1]
+        return fit_at(design, regression, selected.finding.candidate, selected.gate.open, weights)
 
     whole = fit(np.ones(len(design.parts)))
-    sizes = fit_at(design, regression, selected.finding.candidate, selected.gate.open, np.ones(len(design.parts)))[1]
+    sizes = fit_at(design, regression, selected.finding.candidate, selected.gate.open, np.ones(len(design.parts)))
     names = sorted({part.recording for part, open_ in zip(design.parts, selected.gate.open, strict=True) if open_})
     left = [
         fit(np.array([float(not part.in_question or part.recording != name) for part in design.parts]))
@@ -70,8 +71,20 @@ def intervals(selection: Selection, selected: Selected) -> Intervals:
     half = np.hypot(factor * _jackknife([each.coefficients for each in left]), noise)
     if whole.shape is None:
         return Intervals(sizes.coefficients, half, left_out=tuple(left))
-    spread = _jackknife([np.array([each.shape]) for each in left])
-    return Intervals(sizes.coefficients, half, whole.shape, factor * float(spread[0]), tuple(left))
+    scatter = factor * float(_jackknife([np.array([each.shape]) for each in left])[0])
+    shape_half = float(np.hypot(scatter, _of_columns(whole, selected)))
+    return Intervals(sizes.coefficients, half, whole.shape, shape_half, tuple(left))
+
+
+def _of_columns(whole: Fit, selected: Selected) -> float:
+    """Half the width of the 95 % interval of a fitted shape in white noise, and as far as the columns are wrong.
+
+    Columns that are wrong by a share s of their power leave s^2 of the evidence to another shape. Of the size, the same
+    makes a share s.
+    """
+    deviation = np.hypot(THRESHOLDS.column_deviation, library()[selected.id].simplified(selected.place))
+    wrong = whole.shape_variance * (1.0 + deviation**2 * whole.drop)
+    return float(THRESHOLDS.interval_width * np.sqrt(wrong))
 
 
 def _jackknife(left: list[Floats]) -> Floats:

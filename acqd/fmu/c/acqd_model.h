@@ -43,7 +43,6 @@ double lagged(lag_t *lag, double value, double seconds, double step_s);
 void central_differences(const row_t *middle, double *qd, double *qdd);
 
 #define GRAVITY 9.81
-#define SIGN_SPEED 0.02   /* rad/s within which dry friction changes its sign */
 #define SMALL_TORQUE 0.5 /* Nm below which the magnitude of a torque is rounded off */
 
 #endif

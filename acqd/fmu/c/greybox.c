@@ -24,7 +24,7 @@ double greybox_power(memory_t *memory, const row_t *middle)
         lanes_sincos(lanes_from(q + k), &s, &c);
         lanes_to(s, sine + k);
         lanes_to(c, cosine + k);
-        lanes_to(lanes_tanh(lanes_from(qd + k) / SIGN_SPEED), direction + k);
+        lanes_to(lanes_tanh(lanes_from(qd + k) / BASE.sign_speed), direction + k);
     }
     posture_of_row(sine, cosine, qd, qdd, &posture);
     joint_torque_row(&posture, BASE.inertial, rigid);

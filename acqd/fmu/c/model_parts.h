@@ -8,7 +8,7 @@
 typedef struct {
     double inertial[AXES][10]; /* mass, first moments, xx xy yy xz yz zz, per link */
     double rotor[AXES], coulomb[AXES], viscous[AXES], copper[AXES], conduction[AXES];
-    double gain, lag_s, standby;
+    double gain, lag_s, standby, sign_speed;
     double signal_weight[SIGNALS + 1];
     int brake; /* index of the signal that releases the brakes; -1: the drives always carry the arm */
 } grey_t;

@@ -71,7 +71,7 @@ static inline void look(const row_t *middle, const switches_t *s, int first, poi
             p->qdd[k] += lanes_from(SUBSTEP_WEIGHT[2][node] + first) * q;
         }
         lanes_sincos(p->q[k], &sine[k], &cosine[k]);
-        p->direction[k] = lanes_tanh(p->qd[k] / SIGN_SPEED);
+        p->direction[k] = lanes_tanh(p->qd[k] / CARRIER.sign_speed);
     }
     posture_of_lanes(sine, cosine, p->qd, p->qdd, &p->posture);
     joint_torque_lanes(&p->posture, CARRIER.inertial, p->tau_rigid);

@@ -63,6 +63,11 @@ class Scene:
         return int(self.q.shape[1])
 
     @property
+    def direction(self) -> Floats:
+        """[N, axes] sign of the speeds, smoothed around standstill as in the model."""
+        return self.model.direction(self.qd)
+
+    @property
     def substep_s(self) -> float:
         """Between substeps."""
         return self.step_s / SUBSTEPS

@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from acqd.models.greybox.fit import Fit
     from acqd.models.segments import Dataset
 
+_FIXED_SIGN_SPEED = 0.02
+"""rad/s, in bundles of versions that did not estimate the speed: the last parameter is missing there."""
+
 
 def train_grey_box(config: TrainConfig, data: Dataset, progress: Progress) -> TrainedModel:
     """Fit a grey box. Raises UserError."""
@@ -87,6 +90,8 @@ def restore(metadata: dict[str, Any], arrays: Arrays) -> GreyBox:
     chain = Chain(arrays["chain_xyz"], arrays["chain_rotation"], arrays["chain_axis"], arrays["chain_tip"], sliding)
     layout = Layout(int(metadata["axes"]), tuple(metadata["signals"]), sliding)
     values = np.asarray(arrays["parameters"], dtype=np.float64)
+    if len(values) == layout.size - 1:
+        values = np.append(values, _FIXED_SIGN_SPEED)
     if len(values) != layout.size or len(chain.xyz) != layout.axes:
         raise ValueError(
             f"{len(values)} parameters and {len(chain.xyz)} joints, expected {layout.size} and {layout.axes}"

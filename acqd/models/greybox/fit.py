@@ -63,8 +63,7 @@ def fit_grey_box(
     standby_W = float(np.percentile(np.concatenate([part.P for part in parts]), 2))
     belief = prior(layout, robot, inertial_parameters(robot), standby_W, step_s)
     usual = np.array([np.median(np.concatenate([s.signals[n] for s in segments])) for n in signals])
-    low, high = layout.lowest(), np.full(layout.size, np.inf)
-    high[layout.part("lag")] = 2.0 * step_s
+    low, high = layout.lowest(), layout.highest(step_s)
     for group in withheld:
         belief.mean[layout.part(group)], belief.deviation[layout.part(group)] = 0.0, _WITHHELD_DEVIATION
         low[layout.part(group)] = 0.0

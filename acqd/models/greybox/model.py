@@ -3,8 +3,9 @@
     P = standby + signals + lag{ on [gain (rigid body + rotors + Coulomb + viscous) + copper + conduction] }
 
 The motor torque is the sum of rigid-body, rotor and friction torque. Copper loss is proportional to its square, the
-conduction loss of the inverters to its magnitude. The supply is a first-order lag. `on` is the brake signal, where it
-was logged: closed brakes hold the arm, and the drives carry nothing.
+conduction loss of the inverters to its magnitude. Dry friction changes its sign within a speed that all joints share
+(ADR 86). The supply is a first-order lag. `on` is the brake signal, where it was logged: closed brakes hold the arm,
+and the drives carry nothing.
 """
 
 from __future__ import annotations
@@ -21,16 +22,9 @@ from acqd.models.greybox.parameters import Layout
 from acqd.models.predictor import Predictor
 from acqd.robot.newton_euler import Chain, joint_torque
 
-SIGN_SPEED = 0.02
-"""Speed in rad/s over which Coulomb friction changes its sign."""
 SMALL_TORQUE = 0.5
 """Torque in Nm below which the magnitude of a torque is smoothed."""
 TERMS = ("rigid_body", "rotor", "coulomb", "viscous", "copper", "conduction")
-
-
-def direction(qd: Floats) -> Floats:
-    """Sign of the speed qd [rad/s], smoothed around standstill."""
-    return np.asarray(np.tanh(qd / SIGN_SPEED))
 
 
 def magnitude(tau: Floats) -> Floats:
@@ -117,8 +111,17 @@ class GreyBox(Predictor):
     def _beyond_links(self, qd: Floats, qdd: Floats) -> Floats:
         """[T, axes] Nm of rotors and friction."""
         return np.asarray(
-            self.group("rotor") * qdd + self.group("coulomb") * direction(qd) + self.group("viscous") * qd
+            self.group("rotor") * qdd + self.group("coulomb") * self.direction(qd) + self.group("viscous") * qd
         )
+
+    def direction(self, qd: Floats) -> Floats:
+        """Sign of speeds qd [rad/s], smoothed around standstill within the model's `sign_speed`."""
+        return np.asarray(np.tanh(qd / self.group("sign_speed")[0]))
+
+    def direction_slope(self, qd: Floats) -> Floats:
+        """Derivative of the direction by the `sign_speed`, 1/(rad/s)."""
+        sign, speed = self.direction(qd), self.group("sign_speed")[0]
+        return np.asarray(-(1 - sign * sign) * qd / speed**2)
 
     def drives_on(self, signals: Mapping[str, Floats]) -> Floats | float:
         """Share [T] of each row in which the drives carry the arm; 1 for a model without a brake signal."""
@@ -163,7 +166,7 @@ class GreyBox(Predictor):
         return {
             "rigid_body": gain * tau * qd,
             "rotor": gain * self.group("rotor") * qdd * qd,
-            "coulomb": gain * self.group("coulomb") * direction(qd) * qd,
+            "coulomb": gain * self.group("coulomb") * self.direction(qd) * qd,
             "viscous": gain * self.group("viscous") * qd * qd,
             "copper": self.group("copper") * motor * motor,
             "conduction": self.group("conduction") * magnitude(motor),

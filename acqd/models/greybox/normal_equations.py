@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acqd.arrays import Floats
-from acqd.models.greybox.model import SMALL_TORQUE, GreyBox, direction, lagged, magnitude
+from acqd.models.greybox.model import SMALL_TORQUE, GreyBox, lagged, magnitude
 from acqd.models.greybox.parameters import Layout, Prior
 from acqd.models.segments import Segment
 from acqd.numerics import mad_sigma
@@ -126,7 +126,7 @@ def _jacobian(model: GreyBox, part: Observations) -> tuple[Floats, Floats]:
     lag = float(model.group("lag")[0])
     gain = float(model.group("gain")[0])
     J = np.zeros((len(part.P), layout.size))
-    sign = direction(part.qd)
+    sign = model.direction(part.qd)
     _, motor = model.motor_torque(part.q, part.qd, part.qdd)
     on = np.reshape(model.drives_on(dict(zip(layout.signals, part.signals.T, strict=True))), (-1, 1))
     loss_per_torque = 2 * model.group("copper") * motor + model.group("conduction") * motor / np.hypot(
@@ -142,6 +142,8 @@ def _jacobian(model: GreyBox, part: Observations) -> tuple[Floats, Floats]:
     J[:, layout.part("gain")] = on * (motor * part.qd).sum(axis=1, keepdims=True)
     undelayed = gain * J[:, layout.part("gain")][:, 0] + J[:, layout.part("copper")] @ model.group("copper")
     undelayed += J[:, layout.part("conduction")] @ model.group("conduction")
+    turned = power_per_torque * model.group("coulomb") * model.direction_slope(part.qd)
+    J[:, layout.part("sign_speed")] = turned.sum(axis=1, keepdims=True)
     J = lagged(J, lag, step_s)
     shorter, longer = max(lag - _LAG_STEP_S, 0.0), lag + _LAG_STEP_S
     difference = lagged(undelayed, longer, step_s) - lagged(undelayed, shorter, step_s)

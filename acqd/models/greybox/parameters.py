@@ -34,6 +34,10 @@ _COM_SPREAD_M = 0.15
 _GAIN, _GAIN_SPREAD = 1.05, 0.05  # mains power per joint power; logged torques determine it much better
 _GUESSED_GAIN_SPREAD = 0.25
 """Of drives that nobody has described: gears lose 5 to 40 % of the power."""
+_SIGN_SPEED = 0.01
+"""rad/s within which friction changes its sign, and the prior deviation: harmonic drives slide before they move."""
+SIGN_SPEEDS = (0.002, 0.05)
+"""Bounds: below, a row of 40 ms holds no slower motion; above, the friction would be viscous."""
 _COPPER_SPREAD, _GUESSED_COPPER_SPREAD = 2.0, 10.0
 """Relative deviation of a copper loss; a guessed motor may be three times weaker, which is nine times the loss."""
 
@@ -48,7 +52,10 @@ class Layout:
     """Numbers of the prismatic joints, from 0: their efforts are in N, their positions in m."""
 
     def part(self, group: str) -> slice:
-        """Slice of a group: inertial, rotor, coulomb, viscous, copper, conduction, signals, standby, gain or lag."""
+        """Slice of a group.
+
+        Groups: inertial, rotor, coulomb, viscous, copper, conduction, signals, standby, gain, lag, sign_speed.
+        """
         first = 0
         for name, size in self._sizes().items():
             if name == group:
@@ -58,7 +65,7 @@ class Layout:
 
     def _sizes(self) -> dict[str, int]:
         sizes = {"inertial": 10 * self.axes} | dict.fromkeys(_PER_JOINT, self.axes)
-        return sizes | {"signals": len(self.signals), "standby": 1, "gain": 1, "lag": 1}
+        return sizes | {"signals": len(self.signals), "standby": 1, "gain": 1, "lag": 1, "sign_speed": 1}
 
     @property
     def size(self) -> int:
@@ -78,7 +85,7 @@ class Layout:
             for k in range(self.axes)
         ]
         names += [(f"signal.{name}", "W") for name in self.signals]
-        return [*names, ("standby", "W"), ("gain", "-"), ("lag", "s")]
+        return [*names, ("standby", "W"), ("gain", "-"), ("lag", "s"), ("sign_speed", "rad/s")]
 
     def lowest(self) -> Floats:
         """Lower bounds [p]."""
@@ -87,7 +94,14 @@ class Layout:
             low[self.part(group)] = 0.0
         low[self.part("inertial")][::10] = 0.0
         low[self.part("gain")], low[self.part("lag")] = 0.5, 0.0
+        low[self.part("sign_speed")] = SIGN_SPEEDS[0]
         return low
+
+    def highest(self, step_s: float) -> Floats:
+        """Upper bounds [p], for rows `step_s` apart."""
+        high = np.full(self.size, np.inf)
+        high[self.part("lag")], high[self.part("sign_speed")] = 2.0 * step_s, SIGN_SPEEDS[1]
+        return high
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,6 +147,7 @@ def prior(layout: Layout, robot: RobotDescription, inertial: Floats, standby_W: 
     mean[layout.part("gain")] = _GAIN
     deviation[layout.part("gain")] = _GUESSED_GAIN_SPREAD if guessed.any() else _GAIN_SPREAD
     mean[layout.part("lag")], deviation[layout.part("lag")] = 0.015, step_s
+    mean[layout.part("sign_speed")] = deviation[layout.part("sign_speed")] = _SIGN_SPEED
     return Prior(mean, deviation)
 
 

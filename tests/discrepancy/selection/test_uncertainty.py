@@ -11,7 +11,6 @@ from acqd.discrepancy.repair.torque_scale import TorqueScale
 from acqd.discrepancy.selection.forward_selection import Limits, select
 from acqd.discrepancy.selection.shape_interval import fit_at
 from acqd.discrepancy.selection.uncertainty import intervals
-from acqd.models.greybox.model import direction
 from tests.builders import grey, recording
 from tests.discrepancy.independent import COMMON, INDEPENDENT, column, extra_power, traced
 
@@ -19,7 +18,7 @@ from tests.discrepancy.independent import COMMON, INDEPENDENT, column, extra_pow
 @pytest.mark.slow
 def test_size_and_shape_of_a_stribeck_curve_have_narrow_intervals_beside_the_truth(model, robot):
     def curve(scene, random):
-        near = np.exp(-((scene.qd[:, 1] / 0.15) ** 2)) * direction(scene.qd[:, 1])
+        near = np.exp(-((scene.qd[:, 1] / 0.15) ** 2)) * scene.direction[:, 1]
         return extra_power(scene, column(scene, 1, 25.0 * near))
 
     _, selection = traced(model, robot, curve, only=COMMON | {"stribeck_friction"})

@@ -111,6 +111,19 @@ def intervals(result: Result) -> list[bool]:
     return found
 
 
+def shapes(result: Result) -> list[bool]:
+    """Per true shape of an effect named by its own id at its own place: whether its 95 % interval holds the truth."""
+    found = []
+    effects = named(result)
+    for true, hit in zip(result["truth"], matched(result)[0], strict=True):
+        if hit is None or effects[hit]["id"] != true["id"] or not _parameter_at(effects[hit], true["where"]):
+            continue
+        own = effects[hit]["parameters"]
+        ends = [(own[name]["ci95"], value) for name, value in true["details"].items() if name in own]
+        found += [bool(interval[0] <= value <= interval[1]) for interval, value in ends if interval]
+    return found
+
+
 def _parameter_at(effect: dict[str, Any], place: str) -> dict[str, Any] | None:
     """The first parameter at a place ("flange, beside its axis" is at the flange), or that of a joint of all joints."""
     if effect["where"].partition(",")[0] == place:

@@ -20,6 +20,7 @@ from tools.studies.foreign.judge import (
     named,
     outcome,
     said,
+    shapes,
 )
 
 _BINS = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 1.0 + 1e-9)
@@ -42,6 +43,7 @@ def summary(results: list[Result]) -> dict[str, Any]:
         "clean_named_or_unknown": _rate([outcome(r) in ("wrong", "unknown") for r in results if kind(r) == "clean"]),
         "pairs_both": _rate([both(r) for r in pairs]),
         "intervals_hold": _rate(covered),
+        "shape_intervals_hold": _rate([hit for r in results for hit in shapes(r)]),
         "harm": _rate([harmed(r) for r in results]),
         "unknown_corrected": _rate([bool(r["report"].get("correction")) for r in results if outcome(r) == "unknown"]),
         "excess_left_median": float(np.median(left)) if left else None,

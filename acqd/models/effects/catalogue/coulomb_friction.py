@@ -10,7 +10,6 @@ from acqd.models.effects.effect import Effect
 from acqd.models.effects.limits import Limits
 from acqd.models.effects.places import Parameter, Place, Shape, per_joint
 from acqd.models.effects.scene import Scene
-from acqd.models.greybox.model import direction
 
 
 class CoulombFriction(Effect):
@@ -32,7 +31,7 @@ class CoulombFriction(Effect):
 
     def at(self, scene: Scene, shape: Shape) -> Floats:
         """[N, axes] W/Nm."""
-        return scene.power_per_torque * direction(scene.qd)
+        return scene.power_per_torque * scene.direction
 
     def places(self, scene: Scene) -> Iterator[Place]:
         """Joints; all of them in the proportions of the described friction, which cannot become negative."""

@@ -11,7 +11,6 @@ from acqd.models.effects.cause import Cause
 from acqd.models.effects.effect import Effect
 from acqd.models.effects.places import Parameter, Place, Shape, per_joint
 from acqd.models.effects.scene import Scene
-from acqd.models.greybox.model import direction
 
 _USUAL_SHARE = 0.2
 """Prior deviation: gears of robot joints lose 10 to 30 % of the torque that they transmit."""
@@ -36,7 +35,7 @@ class LoadDependentFriction(Effect):
 
     def at(self, scene: Scene, shape: Shape) -> Floats:
         """[N, axes] W per share of the load."""
-        return scene.power_per_torque * direction(scene.qd) * np.abs(scene.tau_rigid)
+        return scene.power_per_torque * scene.direction * np.abs(scene.tau_rigid)
 
     def places(self, scene: Scene) -> Iterator[Place]:
         """Joints."""

@@ -12,7 +12,6 @@ from acqd.models.effects.cause import Cause
 from acqd.models.effects.effect import Effect
 from acqd.models.effects.places import Parameter, Place, Shape, per_joint
 from acqd.models.effects.scene import Scene
-from acqd.models.greybox.model import direction
 
 _USUAL_LOSS = 0.2
 """Gears of robot joints lose 10 to 30 % of the power that they transmit."""
@@ -44,7 +43,7 @@ class MechanicalPower(Effect):
 
     def at(self, scene: Scene, shape: Shape) -> Floats:
         """[N, 3 axes] W per share: |tau qd| as a torque with its copper loss; tau qd; |tau qd| without copper loss."""
-        lost = scene.power_per_torque * np.abs(scene.tau) * direction(scene.qd)
+        lost = scene.power_per_torque * np.abs(scene.tau) * scene.direction
         return np.column_stack([lost, scene.tau * scene.qd, np.abs(scene.tau * scene.qd)])
 
     def places(self, scene: Scene) -> Iterator[Place]:

@@ -13,7 +13,6 @@ from acqd.models.effects.effect import Effect
 from acqd.models.effects.limits import Limits
 from acqd.models.effects.places import Parameter, Place, Shape, per_joint
 from acqd.models.effects.scene import Scene
-from acqd.models.greybox.model import direction
 
 
 class StribeckFriction(Effect):
@@ -37,7 +36,7 @@ class StribeckFriction(Effect):
 
     def at(self, scene: Scene, shape: Shape) -> Floats:
         """[N, axes] W/Nm."""
-        return scene.power_per_torque * direction(scene.qd) * np.exp(-((scene.qd / shape["speed_rad_s"]) ** 2))
+        return scene.power_per_torque * scene.direction * np.exp(-((scene.qd / shape["speed_rad_s"]) ** 2))
 
     def places(self, scene: Scene) -> Iterator[Place]:
         """Joints."""

@@ -8,7 +8,7 @@ from acqd.arrays import Floats
 from acqd.models.effects.laws.law import Law, OfAngle
 from acqd.models.effects.places import Shape
 from acqd.models.effects.scene import Scene
-from acqd.models.greybox.model import GreyBox, direction
+from acqd.models.greybox.model import GreyBox
 
 C_OF_ANGLE = """
 const lanes_t phase = 3.14159265358979323846 * (p->q[joint] - low_rad) / range_rad;
@@ -49,4 +49,4 @@ def slope_of(scene: Scene, shape: Shape) -> Floats:
 def against(scene: Scene, shape: Shape) -> Floats:
     """[N] W per Nm of friction of the law's joint."""
     joint = int(shape["joint"]) - 1
-    return np.asarray(scene.power_per_torque[:, joint] * direction(scene.qd[:, joint]))
+    return np.asarray(scene.power_per_torque[:, joint] * scene.model.direction(scene.qd[:, joint]))
