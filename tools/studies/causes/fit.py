@@ -47,8 +47,8 @@ def _nothing_fitted(rows: Sequence[Row], source: str, kept: Calibration) -> Cali
     scale = replace(kept.scale, nothing=(float(level), float(np.exp(slope))))
     scale = replace(scale, misled=_misled(rows, [scale] * len(rows)))
     own = Calibration.of(scale, ((row.standing, row.true) for row in rows), source)
-    least, cases = ({name: each[name] for name in kept.least} for each in (kept.least, kept.cases))
-    return Calibration(scale, least | {NOTHING: own.least[NOTHING]}, cases | {NOTHING: own.cases[NOTHING]}, source)
+    least = {**kept.least, NOTHING: own.least[NOTHING]}
+    return Calibration(scale, least, {**kept.cases, NOTHING: own.cases[NOTHING]}, source)
 
 
 def _misled(rows: Sequence[Row], scales: Sequence[Scale]) -> float:
