@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from datetime import UTC, datetime, timedelta
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -93,6 +94,6 @@ def box_of(corners: Corners | None) -> Corners | None:
     if corners is None:
         return None
     first, second = corners[:3], corners[3:]
-    if any(a == b for a, b in zip(first, second, strict=True)):
+    if any(a == b for a, b in zip(first, second, strict=True)) or not all(map(isfinite, corners)):
         raise UserError("--workspace: two corners with different x, y and z, in m in the frame of the base")
     return (*map(min, first, second), *map(max, first, second))  # type: ignore[return-value]

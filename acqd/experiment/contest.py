@@ -17,10 +17,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import cholesky, solve_triangular
 from scipy.special import log_ndtr
 from scipy.stats import t as student
 
@@ -124,8 +125,9 @@ class Contest:
         normal = moments.normal.copy()
         diagonal = np.diag_indices(len(normal))
         normal[diagonal] += self.precision + 1e-9 * np.maximum(normal[diagonal], 1e-9)
-        left: Floats = moments.squares - moments.cross.T @ cho_solve(cho_factor(normal), moments.cross)
-        return left
+        lower = cholesky(normal, lower=True, check_finite=False)
+        white = solve_triangular(lower, moments.cross, lower=True, check_finite=False)
+        return np.asarray(moments.squares - white.T @ white)
 
     def _distances(self, moments: Moments) -> list[tuple[Floats, Floats]]:
         """Per cause: distance to the closest failure in standard deviations, and weight, of every size."""
@@ -146,7 +148,7 @@ class Contest:
         variance, freedom = cause.between_sessions
         chance = by_chance(self.kinds)
         pays = 2 * np.log(cause.candidate.tried) + self._complexity(schur, cause)
-        improbable = float(student.isf(np.exp(-chance / 2) / 2, freedom))
+        improbable = _improbable(chance, freedom)
         least = max(float(np.sqrt((chance + pays) / precision)), improbable * float(np.sqrt(variance)))
         alone = (theta - least) / np.sqrt(1 / precision + variance)
         near = explained > 0
@@ -186,7 +188,7 @@ class Contest:
             acting = np.diagonal(block, axis1=1, axis2=2).min(axis=1) >= LEAST_POWER
             whole, drawn = block[acting] + group.pull[acting] / self.learning_rate, product[acting]
             shares[group.rivals[acting]] = np.einsum("npc,npc->nc", drawn, np.linalg.solve(whole, drawn))
-            free = np.linalg.slogdet(self.learning_rate * whole)[1] - np.linalg.slogdet(group.pull[acting])[1]
+            free = np.linalg.slogdet(self.learning_rate * whole)[1] - group.free[acting]
             pays[group.rivals[acting]] = free + group.tried[acting]
         shares[self.same_kind] = 0.0
         return np.clip(shares / np.maximum(power, LEAST_POWER), 0.0, 1.0), pays
@@ -203,6 +205,8 @@ class _Group:
     """[n, k, p] of columns per parameter; None: every column has a parameter of its own."""
     pull: Floats
     """[n, p, p] precision of the prior."""
+    free: Floats
+    """[n] log determinant of that."""
     tried: Floats
     """[n] 2 log of the places and shapes of the same kind."""
 
@@ -217,10 +221,17 @@ def _grouped(used: Indices, rivals: Sequence[Candidate], priors: Sequence[Floats
             _Group(
                 np.array(members), np.searchsorted(used, [rivals[k].indices for k in members]), mix,
                 np.array([np.diag(priors[k] ** -2.0) for k in members]),
+                np.array([-2 * np.log(priors[k]).sum() for k in members]),
                 2 * np.log([rivals[k].tried for k in members]),
             )
         )  # fmt: skip
     return tuple(groups)
+
+
+@cache
+def _improbable(chance: float, freedom: float) -> float:
+    """Deviations of Student's t that are as improbable as `chance` of evidence."""
+    return float(student.isf(np.exp(-chance / 2) / 2, freedom))
 
 
 def _softened(distance: Floats) -> Floats:

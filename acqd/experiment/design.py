@@ -11,12 +11,13 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.discrepancy.regression.least_squares import Moments
+from acqd.discrepancy.regression.setup import Setup
 from acqd.errors import UserError
 from acqd.experiment.choice import chosen, d_optimal, filled
 from acqd.experiment.contest import Cause, Contest, together
 from acqd.experiment.pieces import Piece, motion_of, pieces_of
 from acqd.experiment.planned import planned
-from acqd.experiment.question import Question, opened, question_of, require_known
+from acqd.experiment.question import Question, opened, question_of, recorded, require_known
 from acqd.experiment.space import Space
 from acqd.models.effects import library
 from acqd.motion.controller import Motion, Step
@@ -113,11 +114,12 @@ def next_motion(report: Path, asked: Asked, progress: Progress) -> Designed:
             f"{subject.robot.name}: no motion of {asked.minutes:g} min keeps limits, workspace and obstacles; "
             "allow a larger workspace, more speed or more minutes"
         )
-    sessions = [_session(question, space, pieces, asked, progress, cold=False)]
+    so_far = recorded(question, progress)
+    sessions = [_session(question, so_far, space, pieces, asked, progress, cold=False)]
     known = library()
     ids = [cause.candidate.id for cause in sessions[0].contest.causes]
     if any(name in known and known[name].follows_clock for name in ids):
-        sessions.append(_session(question, space, pieces, asked, progress, cold=True))
+        sessions.append(_session(question, so_far, space, pieces, asked, progress, cold=True))
     best = max(sessions, key=lambda session: session.worth)
     names = best.program
     if not names:
@@ -167,13 +169,14 @@ class _Session:
 
 
 def _session(
-    question: Question, space: Space, pieces: Mapping[str, Piece], asked: Asked, progress: Progress, *, cold: bool
-) -> _Session:
+    question: Question, recordings: Setup, space: Space, pieces: Mapping[str, Piece], asked: Asked, progress: Progress,
+    *, cold: bool,
+) -> _Session:  # fmt: skip
     age_s = _COLD_S if cold else WARM_S
     subject = question.subject
     model = subject.model
     to_come = planned(space, list(pieces.values()), model, subject.reference, age_s)
-    open_ = opened(question, to_come, age_s, asked.causes, progress)
+    open_ = opened(question, recordings, to_come, age_s, asked.causes, progress)
     contest = open_.contest
     so_far = open_.moments_of(open_.so_far)
     moments = {name: open_.moments_of(weights) for name, weights in open_.pieces.items()}

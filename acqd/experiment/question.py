@@ -92,8 +92,14 @@ def question_of(report: Path, progress: Progress) -> Question:
     return Question(report, config, unexplained(subject)[1], named)
 
 
+def recorded(question: Question, progress: Progress) -> Setup:
+    """The design of the recordings so far, which all sessions to come share."""
+    begins = begins_of([*question.subject.fit, *question.subject.held_out])
+    return _set_up(question.subject, question.subject.fit, begins, progress, "computing the columns of the recordings")
+
+
 def opened(
-    question: Question, planned: list[Segment], age_s: float, asked: tuple[str, ...], progress: Progress
+    question: Question, so_far: Setup, planned: list[Segment], age_s: float, asked: tuple[str, ...], progress: Progress
 ) -> Open:
     """The design of all recordings, with planned pieces `age_s` after the start of their session.
 
@@ -103,7 +109,6 @@ def opened(
     """
     subject = question.subject
     begins = begins_of([*subject.fit, *subject.held_out])
-    so_far = _set_up(subject, subject.fit, begins, progress, "computing the columns of the recordings")
     known = with_sessions(so_far)
     begins |= {segment.session: segment.start_s - age_s for segment in planned}
     whole = _set_up(subject, [*subject.fit, *planned], begins, progress, "computing the columns of pieces of motion")
@@ -193,10 +198,14 @@ def _with_named(rows: Rows, gate: Floats, named: tuple[tuple[str, str], ...]) ->
 
 
 def require_known(names: tuple[str, ...]) -> None:
-    """Raises UserError for an effect that the library does not have."""
+    """Raises UserError for an effect that the library does not have, and for clocks."""
     for name in names:
         if name not in library():
             raise UserError(f"--cause {name}: no such effect; the effects are {', '.join(library())}")
+        if library()[name].acts_on == "clock":
+            raise UserError(
+                f"--cause {name}: no motion tells; another session has other clocks (acqd dataset build aligns)"
+            )
 
 
 def _leading(findings: list[Finding], rows: Rows, asked: tuple[str, ...]) -> list[Finding]:

@@ -6,6 +6,7 @@ A motion beyond both would ask the model what it cannot know.
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
@@ -62,13 +63,18 @@ class Space:
         q = np.concatenate([segment.q for segment in segments])
         q = q[np.linspace(0, len(q) - 1, min(_POSTURES, len(q))).astype(int)]
         checker = CollisionChecker(arm, scene)
-        inside = within(arm, q, workspace) & np.array([not checker.collides(row) for row in q])
-        if not inside.any():
+        inside = q[within(arm, q, workspace)]
+        if not len(inside):
             raise UserError(
-                f"none of {len(q)} measured positions of {robot.name} lies in the workspace and is free of collisions "
-                f"in scene {scene.name}; give the box in m in the frame of the base, or another scene"
+                f"none of {len(q)} measured positions of {robot.name} lies in the workspace; give two corners of "
+                "a box around the flange, in m in the frame of the base"
             )
-        free = q[inside]
+        free = inside[[not checker.collides(row) for row in inside]]
+        if not len(free):
+            raise UserError(
+                f"{_most_touching(checker, inside)} collide in scene {scene.name} in all of {len(inside)} measured "
+                f"positions of {robot.name}; move the boxes, in m in the frame of the base, or name another scene"
+            )
         spread = np.maximum(np.ptp(free, axis=0), 1e-6)
         home = free[np.argmin((((free - np.median(free, axis=0)) / spread) ** 2).sum(axis=1))]
         still = speed < NOISE.stick_rad_s  # such a joint stays where it is, though other recordings have it elsewhere
@@ -106,3 +112,9 @@ class Space:
     def broken_limit(self, motion: Motion) -> str | None:
         """The first limit that a motion exceeds, in words; None: it keeps all of them."""
         return MotionLimits(self.arm, self.checker, self.speed, self.acceleration, self.workspace).broken(motion)
+
+
+def _most_touching(checker: CollisionChecker, q: Floats) -> str:
+    """The bodies that touch in most positions [N, axes]."""
+    pairs = Counter(pair for row in q for pair in checker.touching(row))
+    return " and ".join(pairs.most_common(1)[0][0])

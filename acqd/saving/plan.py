@@ -48,7 +48,8 @@ class Timing(ABC):
     def unlike(self, law: str, seconds: float) -> float:
         """How unlike the stretch as it is a law with a duration is: 1 at speeds that are another by a factor of e.
 
-        The square of the logarithm of the ratio of speeds, where that is the same everywhere.
+        The square of the logarithm of the ratio of speeds, on average over the stretch. Nobody knows that errors of its
+        slower and of its faster parts cancel.
         """
 
 
@@ -125,7 +126,7 @@ class Cycle(ABC):
 
 def at_rest(seconds: float) -> float:
     """`Cycle.unlike_s` of a rest at one posture."""
-    return max(abs(seconds), seconds**2 / BLOCK_S)
+    return seconds**2 / BLOCK_S
 
 
 def _as_it_is(seconds: float) -> Curve:

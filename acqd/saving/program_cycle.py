@@ -23,7 +23,7 @@ from acqd.saving.cycle import Rest
 from acqd.saving.plan import UNIFORM, Change, Cycle, Piece, Timing
 from acqd.saving.power import Meter
 from acqd.saving.sharing import Curve
-from acqd.saving.time_law import WITHIN, Bounds
+from acqd.saving.time_law import Bounds
 
 SPEED, ACCELERATION, BOTH = "speeds", "accelerations", "speeds and accelerations"
 _SPEEDS = (0.25, 0.35, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.15, 1.3, 1.6, 2.0, 2.5)
@@ -63,8 +63,7 @@ class ChainTiming(Timing):
         """From the factors: speeds in the middle, and the roots of accelerations where the motion begins and ends."""
         speed, acceleration = self._factors(law, seconds)
         middle, ends = float(np.log(speed)), float(np.log(acceleration)) / 2
-        mean, apart = (middle + ends) / 2, (middle - ends) / 2
-        return mean**2 + WITHIN * apart**2
+        return (middle**2 + ends**2) / 2
 
     def _factors(self, law: str, seconds: float) -> tuple[float, float]:
         """On speeds and accelerations."""

@@ -45,10 +45,6 @@ _RELIEF = (1.0, 0.8, 0.6, 0.4, 0.2, 0.0)
 """Shares of a law that exceeds a limit which are tried in turn; 0 is uniform slowing."""
 
 
-WITHIN = 0.25
-"""How the variance of the pace within a stretch counts: what is slower here is faster there, and half of it cancels."""
-
-
 class Drives(Protocol):
     """What a grey box says of single states of motion [T, axes]."""
 
@@ -166,11 +162,9 @@ class Path:
         return min(laws, key=lambda law: self.energy(law, seconds), default=None)
 
     def unlike(self, law: Floats, seconds: float) -> float:
-        """Square of the mean logarithm of the pace, and a quarter of its variance (see `Timing.unlike`)."""
+        """Mean square of the logarithm of the pace (see `Timing.unlike`)."""
         pace, _, _ = self._at(law, seconds)
-        share = self._weights / self._weights.sum()
-        mean = float(share @ pace)
-        return mean**2 + WITHIN * float(share @ (pace - mean) ** 2)
+        return float(self._weights @ pace**2 / self._weights.sum())
 
     def motion_at(self, law: Floats, seconds: float) -> Motion:
         """The stretch by a law, at 1 kHz."""

@@ -21,6 +21,8 @@ from tests.discrepancy.independent import added_payload
         (("{old}",), "run acqd close-loop again"),
         (("{loop}", "--workspace", *"000000"), "two corners"),
         (("{loop}", "--workspace", *"555666"), "lies in the workspace"),
+        (("{loop}", "--workspace", *"12345", "nan"), "two corners"),
+        (("{loop}", "--cause", "clock_drift"), "another session has other clocks"),
         (("{loop}", "--scene", "nosuch"), "nosuch"),
         (("{loop}", "--out", "{ds}"), "choose another --out"),
     ],

@@ -147,6 +147,25 @@ def test_an_interval_holds_the_difference_that_a_wrong_friction_makes(model, hel
     assert Doubt.of(model, [replace(segment, split="train") for segment in segments]) is None
 
 
+def test_the_wander_of_a_meter_is_no_error_of_a_difference(model, held_out, path):
+    _, segments = held_out
+    random = np.random.default_rng(3)  # otherwise nothing but the friction would be wrong
+    noisy = [
+        replace(each, P=each.P + np.repeat(random.normal(0, 0.5, len(each.P) // 50 + 1), 50)[: len(each.P)])
+        for each in segments
+    ]
+    start = min(each.start_s for each in noisy)
+    wandering = [
+        replace(each, P=each.P + 2.0 + 0.02 * (each.start_s - start + model.step_s * np.arange(len(each.P))))
+        for each in noisy
+    ]
+    before, after = (
+        Meter(model, "").use(path.motion_at(path.uniform, share * path.motion.seconds)) for share in (1.0, 1.2)
+    )
+    still, moved = (Doubt.of(model, each).half_width(before, after, 10.0) for each in (noisy, wandering))
+    assert moved == pytest.approx(still, rel=0.15)
+
+
 def test_a_long_wait_with_a_stretched_arm_moves_to_where_holding_is_easier(model):
     stretched = np.radians([0.0, -20.0, 20.0, -90.0, -90.0, 0.0])
     steps = (Wait(0.5), Move(stretched, 0.4, 0.3), Wait(8.0), Move(HOME, 0.2, 0.3), Wait(0.5))

@@ -1,8 +1,9 @@
 """Probabilities of the causes of a residual, calibrated on simulated plants, and a conformal set of them (ADR 65).
 
 A label is an effect of the library, something outside of the library, or nothing. Differences of evidence to the
-strongest rival, over what chance and wrong columns may move between the two, are logits; their scale was fitted once
-(`calibration.json`; Platt 1999, here for many classes).
+strongest rival, over what chance and wrong columns may move between the two, are logits of the hypotheses; their scale
+was fitted once (`calibration.json`; Platt 1999, here for many classes). Whether anything has changed is a question of
+its own: its logit follows what unchanged sessions leave of the evidence of the best hypothesis.
 
 The set holds every label whose likelihood reaches a threshold of its class. With the k-th smallest likelihood that the
 true label of n calibration cases of its class had, k = floor(0.05 (n + 1)), the set misses the label of one more
@@ -21,6 +22,7 @@ from typing import Any
 
 import numpy as np
 import orjson
+from scipy.special import expit
 
 from acqd.arrays import Floats
 from acqd.discrepancy.selection.standing import LAW, Standing
@@ -43,7 +45,7 @@ class Scale:
     outside: tuple[float, float]
     """Logit of the best law that is level with its strongest rival, and a factor of the distance between the two."""
     nothing: tuple[float, float]
-    """Logit of nothing where the best hypothesis has no evidence, and per unit of evidence that it has."""
+    """Logit of nothing where no hypothesis has evidence, and what it falls by per unit of log(1 + evidence)."""
     misled: float
     """Share of cases whose evidence says nothing of the cause: shared by all labels alike."""
 
@@ -55,10 +57,12 @@ class Scale:
         logits |= {name: -each for name, each in behind.items() if name != LAW}
         if LAW in behind:
             logits[OUTSIDE] = self.outside[0] - self.outside[1] * behind[LAW]
-        logits[NOTHING] = self.nothing[0] - self.nothing[1] * standing.above_nothing
         values = np.array(list(logits.values()))
         shares = np.exp(values - values.max())
-        found = dict(zip(logits, (shares / shares.sum()).tolist(), strict=True))
+        evidence = np.log1p(max(standing.above_nothing, 0.0))
+        nothing = float(expit(self.nothing[0] - self.nothing[1] * evidence))
+        shares *= (1 - nothing) / shares.sum()
+        found = dict(zip(logits, shares.tolist(), strict=True)) | {NOTHING: nothing}
         for name, (other, share) in standing.twins.items():
             found[other] += share * found[name]
             found[name] *= 1 - share

@@ -46,6 +46,12 @@ def test_a_label_farther_behind_is_less_likely(evidence, law, above, less):
     assert far["payload"] <= near["payload"]
 
 
+@given(evidences, evidences, evidences)
+def test_whether_anything_has_changed_does_not_depend_on_how_the_hypotheses_stand(evidence, law, above):
+    shares = SCALE.likelihoods(standing({"payload": evidence, LAW: law}, above))
+    assert shares[NOTHING] == pytest.approx(SCALE.likelihoods(standing({"payload": 1.0, LAW: 0.0}, above))[NOTHING])
+
+
 def test_twins_share_what_their_power_explains_by_the_odds_of_their_times():
     alone, scale = standing({"process_load": 300.0, LAW: 10.0}, 300.0), replace(SCALE, misled=0.0)
     shares = scale.probabilities(replace(alone, twins={"process_load": ("thermostat", 0.2)}))
@@ -90,7 +96,7 @@ def test_few_cases_of_a_class_leave_no_label_of_it_out():
 
 def test_a_set_is_never_empty():
     calibration = Calibration(SCALE, dict.fromkeys(CLASSES, 1.0), {}, "")
-    assert calibration.believed(standing({"payload": 0.0, LAW: 0.1}, 5.0)).members == (OUTSIDE,)
+    assert calibration.believed(standing({"payload": 0.0, LAW: 0.1}, 50.0)).members == (OUTSIDE,)
 
 
 def test_the_shipped_calibration_says_what_it_rests_on():
@@ -99,6 +105,6 @@ def test_the_shipped_calibration_says_what_it_rests_on():
     assert all(calibration.cases[name] >= 1 / MISSED - 1 for name in CLASSES)
     assert "simulated" in calibration.source and sum(calibration.cases.values()) > 100
     clear = calibration.believed(standing({"payload": 900.0, "gravity_bias": 200.0, LAW: 100.0}, 50.0))
-    assert clear.members[0] == "payload" and clear.probabilities["payload"] > 0.85 and len(clear.members) <= 2
+    assert clear.members[0] == "payload" and clear.probabilities["payload"] > 0.85 and len(clear.members) == 1
     silent = calibration.believed(standing(dict.fromkeys(library(), 0.5) | {LAW: 0.5}, -0.2))
     assert silent.members[0] == NOTHING

@@ -1,11 +1,11 @@
 """How often the set of causes holds the cause, on foreign plants that its calibration has not seen (simulated).
 
     python -m tools.studies.causes OUT [OUT ...] [--label base] [--json]
-    python -m tools.studies.causes OUT --calibrate acqd/discrepancy/causes/calibration.json
+    python -m tools.studies.causes OUT --calibrate acqd/discrepancy/causes/calibration.json [--nothing-only]
 
 OUT are folders of the foreign study (`python -m tools.studies.foreign OUT`). Two tables: with the calibration that
 acqd ships, and, for every plant, with one that was fitted to the other plants. `--calibrate FILE` fits
-to all cases in OUT and writes the file.
+to all cases in OUT and writes the file; with `--nothing-only`, what tells hypotheses from each other stays as shipped.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from pathlib import Path
 import orjson
 from rich.table import Table
 
-from acqd.discrepancy.causes.belief import Belief, shipped
+from acqd.discrepancy.causes.belief import Belief, Calibration, shipped
 from tools.common.tables import show
 from tools.studies.causes.fit import calibrated, figures, left_out, reliability
 from tools.studies.causes.standings import Row, read
@@ -39,17 +39,20 @@ def main() -> None:
     parser.add_argument("out", type=Path, nargs="+", metavar="OUT")
     parser.add_argument("--label", default="base", help="folder of the results (default base)")
     parser.add_argument("--calibrate", type=Path, metavar="FILE", help="fit to all cases and write FILE")
+    parser.add_argument("--nothing-only", action="store_true", help="fit only whether anything has changed")
     parser.add_argument("--json", action="store_true")
     given = parser.parse_args()
     rows = [row for out in given.out for row in read(out, given.label)]
     if not rows:
         sys.exit(f"{given.out[0]} has no results of label {given.label}: python -m tools.studies.foreign OUT")
+    kept = shipped() if given.nothing_only else None
     if given.calibrate:
-        calibration = calibrated(rows, _source(rows))
+        source = _source(rows)
+        calibration = calibrated(rows, f"{_first_fit(kept)}; nothing: {source}" if kept else source, kept)
         given.calibrate.write_bytes(orjson.dumps(calibration.as_json(), option=orjson.OPT_INDENT_2) + b"\n")
     beliefs = {
         "as shipped": [shipped().believed(row.standing) for row in rows],
-        "calibrated on other plants": left_out(rows) if len({row.world for row in rows}) > 1 else [],
+        "calibrated on other plants": left_out(rows, kept) if len({row.world for row in rows}) > 1 else [],
     }
     found = {name: _by_group(rows, each) for name, each in beliefs.items() if each}
     sure = {name: reliability(rows, each) for name, each in beliefs.items() if each}
@@ -86,6 +89,10 @@ def _cell(key: str, value: float) -> str:
     if value != value:
         return "-"
     return f"{value:.0f}" if key == "cases" else f"{value:.2f}" if key == "size" else f"{100 * value:.0f} %"
+
+
+def _first_fit(kept: Calibration) -> str:
+    return kept.source.partition("; nothing: ")[0]
 
 
 def _source(rows: Sequence[Row]) -> str:

@@ -13,23 +13,42 @@ from acqd.arrays import Floats
 from acqd.discrepancy.causes.belief import NOTHING, OUTSIDE, Belief, Calibration, Scale
 from tools.studies.causes.standings import Row
 
-_START = (2.0, -2.0, 1.0, 0.5, 3.0, -1.0, -3.0)
+_START = (2.0, -2.0, 1.0, 0.5, 3.0, 0.5, -3.0)
 """Logarithms of slopes, offsets, and the logit of the share of misled cases."""
 _RIDGE = 1e-3
 """Keeps slopes finite where classes are separable."""
 
 
-def calibrated(rows: Sequence[Row], source: str) -> Calibration:
+def calibrated(rows: Sequence[Row], source: str, kept: Calibration | None = None) -> Calibration:
     """By maximum likelihood; the share of misled cases on plants that a scale has not seen.
 
-    The shares of the classes in the study are the prior.
+    The shares of the classes in the study are the prior. `kept`: a calibration of other plants, of which only "nothing"
+    and the share of misled cases are fitted; it keeps what tells hypotheses from each other, and their thresholds.
     """
+    if kept is not None:
+        return _nothing_fitted(rows, source, kept)
     scale = _fitted(rows)
     worlds = sorted({row.world for row in rows})
     if len(worlds) > 1:
         others = {name: _fitted([row for row in rows if row.world != name]) for name in worlds}
         scale = replace(scale, misled=_misled(rows, [others[row.world] for row in rows]))
     return Calibration.of(scale, ((row.standing, row.true) for row in rows), source)
+
+
+def _nothing_fitted(rows: Sequence[Row], source: str, kept: Calibration) -> Calibration:
+    above = np.log1p([max(row.standing.above_nothing, 0.0) for row in rows])
+    clean = np.array([NOTHING in row.true for row in rows])
+
+    def loss(parameters: Floats) -> float:
+        logit = parameters[0] - np.exp(parameters[1]) * above
+        return float(np.logaddexp(0, np.where(clean, -logit, logit)).mean() + _RIDGE * (parameters**2).sum())
+
+    level, slope = minimize(loss, [3.0, 0.5], method="L-BFGS-B").x
+    scale = replace(kept.scale, nothing=(float(level), float(np.exp(slope))))
+    scale = replace(scale, misled=_misled(rows, [scale] * len(rows)))
+    own = Calibration.of(scale, ((row.standing, row.true) for row in rows), source)
+    least = {**kept.least, NOTHING: own.least[NOTHING]}
+    return Calibration(scale, least, {**kept.cases, NOTHING: own.cases[NOTHING]}, source)
 
 
 def _misled(rows: Sequence[Row], scales: Sequence[Scale]) -> float:
@@ -53,10 +72,10 @@ def _fitted(rows: Sequence[Row]) -> Scale:
     return _scale(minimize(loss, _START, method="L-BFGS-B").x)
 
 
-def left_out(rows: Sequence[Row]) -> list[Belief]:
+def left_out(rows: Sequence[Row], kept: Calibration | None = None) -> list[Belief]:
     """Beliefs by calibrations on the other plants: what a plant that nobody has seen may expect."""
     worlds = {row.world for row in rows}
-    by_world = {name: calibrated([row for row in rows if row.world != name], "") for name in worlds}
+    by_world = {name: calibrated([row for row in rows if row.world != name], "", kept) for name in worlds}
     return [by_world[row.world].believed(row.standing) for row in rows]
 
 
