@@ -28,10 +28,11 @@ class CommonLoad:
     def of(cls, residuals: list[Floats], whitener: Whitener) -> CommonLoad | None:
         """In residuals [T] W of the reference; None without a load that goes on and off again and pays the price.
 
-        States last for seconds: what is on for a moment is what the model gets wrong in a motion.
+        States last for seconds: what is on for a moment is what the model gets wrong in a motion. Some recording has to
+        hold both edges of a state: a single one may be where an arm has stopped in another posture.
         """
         states = search(residuals, whitener, dwells=(SLOW,))
-        return None if states is None or states.switchings < 2 else cls(states.size, whitener)
+        return None if states is None or max(states.edges) < 2 else cls(states.size, whitener)
 
     def power(self, residuals: list[Floats]) -> list[Floats]:
         """[T] W per segment: the power of the load, where residuals [T] W show that the load is on."""

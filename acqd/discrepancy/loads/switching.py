@@ -44,9 +44,14 @@ class States:
     """Penalised log-likelihood ratio of the path against always off."""
 
     @property
+    def edges(self) -> list[int]:
+        """Number of switchings in every segment."""
+        return [int(np.abs(np.diff(on.astype(int))).sum()) for on in self.on]
+
+    @property
     def switchings(self) -> int:
         """Number of switchings in all segments."""
-        return sum(int(np.abs(np.diff(on.astype(int))).sum()) for on in self.on)
+        return sum(self.edges)
 
     @property
     def share(self) -> float:
