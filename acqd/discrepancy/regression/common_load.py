@@ -41,13 +41,13 @@ def without_common_load(columns: DesignColumns, base: list[Column]) -> tuple[Des
 
 
 def _left(columns: DesignColumns, base: list[Column]) -> dict[int, Floats]:
-    """[T] W of known rows by segment, each side with its noise: an effect of one side is no noise of the other."""
-    left: dict[int, Floats] = {}
-    for asked, weights in ((True, columns.in_question), (False, 1 - columns.in_question)):
-        pairs = zip(columns.residual, columns.scenes.in_question, strict=True)
-        whitener = Whitener.of([residual for residual, side in pairs if side == asked])
-        left |= left_by_everything(columns, whitener, base, weights)
-    return left
+    """[T] W of known rows by segment, in the noise of the reference: an effect in question is no noise."""
+    pairs = zip(columns.residual, columns.scenes.in_question, strict=True)
+    whitener = Whitener.of([residual for residual, asked in pairs if not asked])
+    first, second = (
+        left_by_everything(columns, whitener, base, side) for side in (columns.in_question, 1 - columns.in_question)
+    )
+    return first | second
 
 
 def _less(columns: DesignColumns, power: list[Floats]) -> DesignColumns:
