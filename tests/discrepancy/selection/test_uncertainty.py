@@ -9,7 +9,7 @@ from acqd.discrepancy.regression.setup import Comparison, set_up
 from acqd.discrepancy.repair.terms import reported
 from acqd.discrepancy.repair.torque_scale import TorqueScale
 from acqd.discrepancy.selection.forward_selection import Limits, select
-from acqd.discrepancy.selection.shape_interval import fit_at
+from acqd.discrepancy.selection.shape_interval import Fit, Neighbours, fit_at
 from acqd.discrepancy.selection.uncertainty import intervals
 from tests.builders import grey, recording
 from tests.discrepancy.independent import COMMON, INDEPENDENT, column, extra_power, traced
@@ -86,3 +86,12 @@ def test_a_cold_coefficient_is_that_of_the_start_of_the_session_also_where_its_f
     assert term.shape["origin_s"] == begins_s
     low, high = term.parameters["cold coefficient"]["ci95"]
     assert low < 60 < high and high < 80
+
+
+@pytest.mark.parametrize(("drops", "known"), [((11.0, 12.0, 11.0), True), ((11.0, 11.4, 12.0), False)])
+def test_a_shape_without_a_maximum_has_no_interval(monkeypatch, drops, known):
+    fits = [Fit(np.ones(1), np.ones(1), drop) for drop in drops]
+    monkeypatch.setattr(Neighbours, "_at", lambda self, number, weights: fits[number])
+    fit = Neighbours(None, (0.1, 0.2, 0.3), (), (), ()).fit(np.ones(1))
+    assert np.isfinite(fit.shape_variance) == known
+    assert fit.shape == pytest.approx(0.2 if known else 0.3)
