@@ -25,7 +25,7 @@ def test_size_and_shape_of_a_stribeck_curve_have_narrow_intervals_beside_the_tru
     named = selection.effects[0]
     assert (named.id, named.place.where) == ("stribeck_friction", "joint 2")
     certain = intervals(selection, named)
-    assert certain.shape == pytest.approx(0.15, abs=0.005) and 0 < certain.shape_half < 0.01
+    assert certain.shape == pytest.approx(0.15, abs=0.005) and 0 < certain.shape_half < 0.02
     assert certain.coefficients[0] == pytest.approx(25.0, abs=4 * certain.half[0])
     assert 0 < certain.half[0] < 0.1 * certain.coefficients[0]
 
@@ -65,7 +65,7 @@ def test_the_size_of_a_load_that_switches_is_not_attenuated_by_wrong_edges(model
     certain = intervals(selection, named)
     assert abs(certain.coefficients[0] - 7.0) < 0.15 * 7.0
     column = fit_at(selection.design, selection.regression.without(named.key), named.finding.candidate, named.gate.open,
-                    np.ones(len(design.parts)))[1]  # fmt: skip
+                    np.ones(len(design.parts)))  # fmt: skip
     assert column.coefficients[0] < 0.85 * 7.0
 
 
