@@ -93,12 +93,14 @@ def diff(
 ) -> None:
     """Show which keys of a file differ from the defaults, or from another file. Secrets are not shown.
 
-    Example: acqd config diff /etc/acqd/acqd.toml hall-4.toml
+    With --config FILE, the first file by its place is OTHER. Example: acqd config diff /etc/acqd/acqd.toml hall-4.toml
     """
     from acqd.daemon.config import Config
     from acqd.daemon.config_file import parsed_config, read_toml
     from acqd.daemon.config_values import differences, shown
 
+    if config is not None and other is None:  # --config names the file, so the one by its place is the other
+        path, other = None, path
     file = _chosen(path, config)
     two = [parsed_config(read_toml(one), one) if one else Config() for one in (file, other)]
     found = [(key, shown(key, here), shown(key, there)) for key, here, there in differences(two[0], two[1])]

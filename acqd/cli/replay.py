@@ -227,9 +227,9 @@ def _print(report: PlaybackReport) -> None:
         console.print(table)
     console.print(
         f"{report.rows} rows from {report.recorded_s:.2f} s of waveform in {report.elapsed_s:.2f} s "
-        f"({report.recorded_s / max(report.elapsed_s, 1e-9):.0f} x real time); "
+        f"({report.recorded_s / max(report.elapsed_s, 1e-9):.3g} x real time); "
         f"{report.unused_samples} samples after the last whole windows have no row"
-        + (f"; {report.events} events" if report.events else "")
+        + (f"; {report.events} event{'s' if report.events > 1 else ''}" if report.events else "")
     )
     sys.stdout.flush()
 

@@ -80,7 +80,7 @@ def install(
 
 @app.command()
 def status(root: _RootOption = Path("/"), json: Json = False) -> None:
-    """Show the installed services: do they run, since when, with which file and user; exit 1 when one does not run.
+    """Show the installed services: do they run, since when, with which file and user; exit 1 when one does not.
 
     `acqd status` asks the services themselves how they are.
 
@@ -95,7 +95,7 @@ def status(root: _RootOption = Path("/"), json: Json = False) -> None:
         print(f"no service of acqd is installed below {root}")
     else:
         _print_states(found)
-    if not all(one.fine for one in found):
+    if not found or not all(one.fine for one in found):
         raise typer.Exit(1)
 
 

@@ -74,7 +74,7 @@ def play(settings: Playback, progress: Callable[[float], None]) -> PlaybackRepor
     for path in outputs:
         if (path.is_file() and path in [file.resolve() for file in settings.files]) or outputs.count(path) > 1:
             raise UserError(
-                f"{path} would be overwritten; --out, --aggregate, --quality, --events, --flicker "
+                f"{path} would be overwritten; --out, --aggregate, --quality, --events, --flicker, "
                 "--phasors and --half-cycles need separate files"
             )
     waveforms = [load_waveform(path, settings.channels) for path in settings.files]

@@ -159,6 +159,8 @@ def _reading(path: Path) -> Iterator[tarfile.TarFile]:
             yield tar
     except FileNotFoundError as error:
         raise InputError(error.filename or path, "no such file; expected one of acqd service backup") from None
+    except IsADirectoryError:
+        raise InputError(path, "is a folder; expected a file of acqd service backup") from None
     except (tarfile.TarError, EOFError, ValueError, zlib.error) as error:
         raise InputError(path, f"{_BROKEN} ({error})") from None
     except OSError as error:  # gzip.BadGzipFile has no number

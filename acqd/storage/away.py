@@ -17,8 +17,12 @@ class DatabaseAwayError(UserError):
         self.reason = reason
 
 
-def left_out(connection: sa.Connection, rows: int) -> DatabaseAwayError:
-    """What to raise where the database reports success and has not taken all rows: they get no receipt."""
-    text = f"{shown(connection.engine.url)}: it leaves out rows ({rows}) without an error"
+def left_out(connection: sa.Connection, rows: int | None = None) -> DatabaseAwayError:
+    """What to raise where the database reports success and has not taken all rows: they get no receipt.
+
+    `rows`: how many; None where nobody knows.
+    """
+    number = "" if rows is None else f" ({rows})"
+    text = f"{shown(connection.engine.url)}: it leaves out rows{number} without an error"
     text += ": does a trigger, a rule or a policy of the table drop them?"
     return DatabaseAwayError(f"database {text}", text)

@@ -132,14 +132,21 @@ def stored_span(connection: sa.Connection, device: str) -> tuple[int, int] | Non
     for seconds, table in ROLLUPS.items():
         query = sa.select(sa.func.min(table.c.start), sa.func.max(table.c.start) + seconds)
         bounds += [tuple(row) for row in connection.execute(query.where(table.c.device == device))]
-    ends = []
-    for order in (power.c.filetime, power.c.filetime.desc()):
-        row = connection.execute(sa.select(power.c.filetime).where(power.c.device == device).order_by(order).limit(1))
-        ends.append(row.scalar())
-    if ends[0] is not None and ends[1] is not None:
+    if ends := _ends_of_rows(connection, device):
         bounds.append((unix_s(ends[0]), unix_s(ends[1])))
     known = [(int(first), int(last)) for first, last in bounds if first is not None and last is not None]
     return (min(first for first, _ in known), max(last for _, last in known)) if known else None
+
+
+def _ends_of_rows(connection: sa.Connection, device: str) -> tuple[int, int] | None:
+    """`filetime` of the first and the last row of a device; in SQLite not by the view, which would be sorted whole."""
+    if connection.dialect.name == "sqlite" and not conversion.unfinished(connection):
+        return numbered_rows.stored_between(connection, device)
+    at = sa.select(power.c.filetime).where(power.c.device == device).limit(1)
+    first, last = (
+        connection.execute(at.order_by(order)).scalar() for order in (power.c.filetime, power.c.filetime.desc())
+    )
+    return None if first is None or last is None else (int(first), int(last))
 
 
 def channels(connection: sa.Connection, device: str, begin: int, end: int) -> set[str]:

@@ -83,12 +83,14 @@ class Guard:
             raise self._away("its write-ahead log (-wal) was deleted or replaced while the sink ran; opening it again")
 
     def _stat(self, suffix: str = "") -> tuple[int, int] | None:
-        """Device and inode of the file; None where it is not there.
+        """Device and inode of the file, or of its neighbour; None where it is not there.
+
+        SQLite has its log beside the file that a symbolic link leads to.
 
         Raises DatabaseAwayError where its disk or share does not say.
         """
         try:
-            found = os.stat(f"{self._path}{suffix}")
+            found = os.stat(f"{os.path.realpath(str(self._path))}{suffix}")
         except FileNotFoundError:
             return None
         except OSError as error:

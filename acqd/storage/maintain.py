@@ -159,8 +159,9 @@ def _write_spans(engine: sa.Engine, seconds: int, begin: int, end: int, *, repla
     for first, last in _spans(engine, rows.c.filetime, sa.true(), max(begin, 0), end):
         with transaction(engine) as connection:
             some = _write_buckets(connection, seconds, first, last, replace=replace)
-            if replace and not some:  # rows are there, and would be deleted without their roll-up
-                raise left_out(connection, 1)
+            within = (rows.c.filetime >= _ticks(first), rows.c.filetime < _ticks(last))
+            if replace and not some and connection.scalar(sa.select(rows.c.filetime).where(*within).limit(1)):
+                raise left_out(connection)  # rows are there, and would be deleted without their roll-up
         made += some
     return made
 

@@ -77,6 +77,22 @@ def runs(connection: sa.Connection, device: str, boot: str) -> list[tuple[int, s
     return [(int(number), str(name), int(base)) for number, name, base in found]
 
 
+_OLDEST, _NEWEST = (
+    "SELECT filetime FROM power_row WHERE id >= power_run.id << 34 AND id < (power_run.id + 1) << 34"
+    f" ORDER BY id {order} LIMIT 1"
+    for order in ("ASC", "DESC")
+)
+_RUNS = f"SELECT id, ({_OLDEST}) AS oldest, ({_NEWEST}) AS newest FROM power_run WHERE device = ?"
+"""Runs of a device with the times of their first and last row: within a run, time rises with the id (ADR 16)."""
+
+
+def stored_between(connection: sa.Connection, device: str) -> tuple[int, int] | None:
+    """`filetime` of the first and the last row of a device; None without rows."""
+    query = f"SELECT min(oldest), max(newest) FROM ({_RUNS})"
+    oldest, newest = connection.exec_driver_sql(query, (device,)).one()
+    return None if oldest is None else (int(oldest), int(newest))
+
+
 def ids_between(
     connection: sa.Connection, device: str, channel: str, first: int, last: int
 ) -> list[tuple[int, int, int]]:
@@ -86,15 +102,7 @@ def ids_between(
     row say that they overlap the span; `id & 3` is the code.
     """
     code = _CODES.get(channel)
-    ends = [
-        "SELECT filetime FROM power_row WHERE id >= power_run.id << 34 AND id < (power_run.id + 1) << 34"
-        f" ORDER BY id {order} LIMIT 1"
-        for order in ("ASC", "DESC")
-    ]
-    query = (
-        f"SELECT id FROM (SELECT id, ({ends[0]}) AS oldest, ({ends[1]}) AS newest FROM power_run"
-        " WHERE device = ? AND channel = ?) WHERE oldest < ? AND newest >= ? ORDER BY id"
-    )
+    query = f"SELECT id FROM ({_RUNS} AND channel = ?) WHERE oldest < ? AND newest >= ? ORDER BY id"
     asked = (device, "" if code is not None else channel, last, first)
     found = []
     for run in connection.exec_driver_sql(query, asked).scalars().all():

@@ -102,6 +102,9 @@ def test_diff_names_what_differs_and_no_secret(five, tmp_path):
     keys = {one["key"] for one in json.loads(acqd_here("config", "diff", five / "acqd.toml", other, "--json").stdout)}
     assert {"source.kind", "source.ams_net_id", "mqtt.port"} <= keys
     assert "nothing differs" in acqd_here("config", "diff", other, other).stdout
+    by_option = acqd_here("config", "diff", "--config", five / "acqd.toml", other, "--json")
+    assert {one["key"] for one in json.loads(by_option.stdout)} == keys and str(other) in by_option.stdout
+    assert "one file" in acqd_here("config", "diff", "--config", other, other, other).stderr
 
 
 def test_check_names_passwords_and_folders_that_are_not_there(five):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import threading
 import time
 
@@ -145,6 +146,19 @@ def test_bad_meters_are_named():
         MeterBus(link, [MeterSettings("a", "em340"), MeterSettings("b", "sdm630")])
     with pytest.raises(UserError, match="check wiring"):
         MeterBus(link, [MeterSettings("a", "em340")]).check()
+
+
+def test_a_silent_serial_line_is_asked_about_its_frames():
+    ours, theirs = os.openpty()
+    try:
+        link = ModbusLink(serial_port=os.ttyname(theirs), baudrate=115_200, timeout_s=0.02)
+        with pytest.raises(
+            UserError, match=r'no meter answers.*parity, databits, framing \(some lines need "ascii"\) and'
+        ):
+            MeterBus(link, [MeterSettings("a", "em340")]).check()
+    finally:
+        os.close(ours)
+        os.close(theirs)
 
 
 def test_a_slow_line_has_the_time_that_its_characters_take():

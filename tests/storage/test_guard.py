@@ -263,11 +263,14 @@ def test_a_mark_that_somebody_has_written_over_is_not_counted_on(tmp_path):
         assert Writer(engine).write([message(row(1))]).rows == 1
 
 
+@pytest.mark.parametrize("name", ["a.sqlite", "link.sqlite"])
 @pytest.mark.parametrize("suffixes", [["-wal"], ["-wal", "-shm"]])
-def test_a_log_that_was_deleted_costs_no_row(tmp_path, suffixes):
+def test_a_log_that_was_deleted_costs_no_row(tmp_path, suffixes, name):
     """Somebody takes it for rubbish: SQLite would go on to write into a file without a name."""
-    path = tmp_path / "a.sqlite"
-    writer = Writer(open_database(str(path)))
+    path = tmp_path / "disk" / "a.sqlite"
+    path.parent.mkdir()
+    (tmp_path / "link.sqlite").symlink_to(path)  # SQLite has the log beside the file, not beside the link
+    writer = Writer(open_database(str(path.with_name(name) if name == path.name else tmp_path / name)))
     writer.write([message(row(0))])
     writer.write([message(row(1))])
     for suffix in suffixes:

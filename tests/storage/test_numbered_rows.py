@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from msgspec import structs
 
 from acqd.storage import conversion, known_rows, numbered_rows
+from acqd.storage.buckets import stored_span
 from acqd.storage.database import MIGRATIONS, engine_for, open_database
 from acqd.storage.last_rows import Asked, last_rows
 from acqd.storage.maintain import Retention, maintain
@@ -148,7 +149,7 @@ def test_what_reads_rows_seeks_in_an_index(tmp_path):
         assert known_rows.newest(connection) == row().filetime
 
 
-def test_the_newest_row_of_a_device_is_found_without_reading_its_rows(tmp_path):
+def test_the_first_and_the_newest_row_of_a_device_are_found_without_reading_its_rows(tmp_path):
     engine = open_database(str(tmp_path / "a.sqlite"))
     rows = [row(k, t=1_700_000_000 + k, boot=f"b{k % 3}", device=name) for k in range(600) for name in ("a", "b")]
     Writer(engine).write([message(one) for one in rows])
@@ -162,6 +163,9 @@ def test_the_newest_row_of_a_device_is_found_without_reading_its_rows(tmp_path):
         assert known_rows.newest(connection, "a", times[-5]) == times[-5]
         assert connection.exec_driver_sql("SELECT max(filetime) FROM power").scalar() == times[-1]
         assert len(steps) < 60, "fewer instructions than rows"
+        steps.clear()
+        assert stored_span(connection, "none") is None
+        assert stored_span(connection, "a") == (1_700_000_000, 1_700_000_599) and len(steps) < 60
 
 
 def test_runs_outside_of_a_span_are_not_searched(tmp_path):

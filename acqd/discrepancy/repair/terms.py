@@ -137,8 +137,11 @@ def _parameters(selected: Selected, certain: Intervals, scale: TorqueScale, mode
         parameters[parameter.name] = _shown(true, parameter.unit, wide)
     for name, value in selected.shape.items():
         unit = next((unit for ending, unit in _UNITS.items() if name.endswith(ending)), "-")
-        half = certain.shape_half or None if name in effect.bounds else None  # 0: nothing depends on it, as in a gantry
-        parameters[name] = _shown(float(value), unit, half)
+        parameters[name] = _shown(float(value), unit, None)
+        half = certain.shape_half
+        if name in effect.bounds and half is not None and np.isfinite(half):
+            ends = np.clip([value - half, value + half], *effect.bounds[name])
+            parameters[name]["ci95"] = [float(end) for end in ends]
     return parameters | _first_moment(selected, certain, scale, model)
 
 

@@ -34,8 +34,8 @@ class Fit:
     drop: float
     """Reduction of the white squared error."""
     shape: float | None = None
-    shape_variance: float = 0.0
-    """In white noise; 0 where the evidence has no maximum, so that nothing is known."""
+    shape_variance: float = np.inf
+    """In white noise; infinite where the evidence has no maximum."""
 
 
 @dataclass(frozen=True, slots=True)

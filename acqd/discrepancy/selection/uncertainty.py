@@ -25,7 +25,7 @@ class Intervals:
     half: Floats
     shape: float | None = None
     shape_half: float | None = None
-    """None: no shape was fitted, or too few recordings."""
+    """None: no shape was fitted, or too few recordings; infinite: the recordings do not determine the shape."""
     left_out: tuple[Fit, ...] = ()
     """Without one recording each, where these determine the interval."""
 

@@ -78,7 +78,7 @@ def fit_grey_box(
     now, damping = normal_equations(make(values), parts, belief, None, correlated), 1e-4
     for iteration in range(_ITERATIONS):
         damped = now.hessian + damping * np.diag(np.diag(now.hessian))
-        trial = np.clip(values - _free_step(damped, now.gradient, values, low), low, high)
+        trial = np.clip(values - _free_step(damped, now.gradient, values, low, high), low, high)
         then = normal_equations(make(trial), parts, belief, now.scale, correlated)
         if then.cost < now.cost:
             converged = now.cost - then.cost < _CONVERGED * now.cost
@@ -109,9 +109,9 @@ def _drawn(segments: list[Segment], seed: int) -> list[Segment]:
     return chosen
 
 
-def _free_step(hessian: Floats, gradient: Floats, values: Floats, low: Floats) -> Floats:
-    """Newton step [p] of the parameters that are not held at their lower bound."""
-    held = (values <= low) & (gradient > 0)
+def _free_step(hessian: Floats, gradient: Floats, values: Floats, low: Floats, high: Floats) -> Floats:
+    """Newton step [p] of the parameters that are not held at a bound."""
+    held = ((values <= low) & (gradient > 0)) | ((values >= high) & (gradient < 0))
     step = np.zeros_like(values)
     free = ~held
     step[free] = np.linalg.solve(hessian[np.ix_(free, free)], gradient[free])

@@ -54,13 +54,15 @@ class MeterBus:
                 silent.append(f"meter {meter.settings.name!r}: {error}")
         if len(silent) == len(self.meters):
             self._close()
+            here = ', databits, framing (some lines need "ascii")' if self.link.host is None else ""
             gateway = (
                 ""
                 if self.link.is_serial
                 else '; a gateway that passes serial frames on needs framing = "rtu" or "ascii"'
             )
             raise UserError(
-                f"{self.link}: no meter answers ({silent[0]}); check wiring, baud rate, parity and unit ids{gateway}"
+                f"{self.link}: no meter answers ({silent[0]}); "
+                f"check wiring, baud rate, parity{here} and unit ids{gateway}"
             )
 
     def start(self, on_reading: Callable[[Reading], None]) -> None:

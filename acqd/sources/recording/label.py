@@ -81,10 +81,10 @@ class Reading:
     group: str = ""
 
 
-_INPUT = re.compile(
-    r"(?i)(^|[^a-z])((channel|ch|kanal|canal|canale|voie)[ _-]*([a-h]|\d+)|(input|eingang)[ _-]*[a-h])($|[^a-z0-9])"
-)
-"""Of an instrument: `Channel A`, `CH2`, `Input B`."""
+_INPUT = re.compile(r"(?i)(^|[^a-z])(channel|ch|kanal|canal|canale|voie)[ _-]*([a-h]|\d+)($|[^a-z0-9])")
+"""Of an instrument: `Channel A`, `CH2`."""
+_BARE_INPUT = re.compile(r"(?i)(^|[^a-z])(input|eingang)[ _-]*[a-h]($|[^a-z0-9])")
+"""Of an instrument where no quantity is beside it: `Input B`; `Voltage Input B` is of a converter fed by phase B."""
 
 
 def readings(name: str) -> list[Reading]:
@@ -100,7 +100,8 @@ def readings(name: str) -> list[Reading]:
     plain = [word for word in words if not (word in _QUANTITY and len(word) > 1)]
     if special := _special(plain, quantity):
         return [special]
-    if name.strip().isdigit() or _INPUT.search(name):
+    bare = not any(word in _QUANTITY for word in words) and _BARE_INPUT.search(name)
+    if name.strip().isdigit() or _INPUT.search(name) or bare:
         return [Reading("unknown", quantity)] if quantity else []  # an input of an instrument is no phase
     core = [word for word in plain if word not in _FILLER]
     found = _designated(core, quantity)
@@ -110,8 +111,8 @@ def readings(name: str) -> list[Reading]:
         return found
     if (len(core) == 1 and core[0] in _QUANTITY) or (not core and quantity):
         return [Reading("phase", _QUANTITY[core[0]] if core else quantity, "123", (1,))]
-    bare = next((_QUANTITY[word] for word in core if word in _QUANTITY), quantity)
-    return [Reading("unknown", bare)] if bare else []
+    letter = next((_QUANTITY[word] for word in core if word in _QUANTITY), quantity)
+    return [Reading("unknown", letter)] if letter else []
 
 
 def says_a_quantity_alone(name: str) -> bool:
@@ -120,11 +121,16 @@ def says_a_quantity_alone(name: str) -> bool:
     return len(core) == 1 and core[0] in _QUANTITY
 
 
-def phase_field(text: str) -> list[Reading]:
-    """Meanings of the field of the phase in COMTRADE: `A`, `L1-N`, `AB`, `N`, `3`; some recorders write `I1`."""
+def phase_field(text: str, machine: bool = False) -> list[Reading]:
+    """Meanings of the field of the phase in COMTRADE: `A`, `L1-N`, `AB`, `N`, `3`; some recorders write `I1`.
+
+    `machine`: the fields name phases U, V, W, of which two are letters of a voltage, too.
+    """
     words = _words(_latin(text))
     if not words:
         return []
+    if machine and len(words) == 1 and words[0] in ("u", "v", "w"):
+        return [Reading("phase", family="uvw", phases=("uvw".index(words[0]) + 1,))]
     if all(word in _NEUTRAL or _RESIDUAL.match(word) for word in words):
         return [Reading("residual")]
     return [one for one in _designated(words, "") if not one.group]

@@ -23,7 +23,8 @@ DISAGREE = "its name and its phase field"
 
 def roles_of(channels: list[Channel]) -> list[Role]:
     """One role per channel."""
-    candidates = [_candidates(channel) for channel in channels]
+    machine = {"U", "V", "W"} <= {channel.phase.strip().upper() for channel in channels}
+    candidates = [_candidates(channel, machine) for channel in channels]
     if any(re.search(r"(?i)[uv]l?(11|22|33)$", channel.name.strip()) for channel in channels):
         candidates = [[one for one in found if (one.kind, one.family) != ("line", "123")] for found in candidates]
     whole = _whole(candidates)
@@ -32,9 +33,9 @@ def roles_of(channels: list[Channel]) -> list[Role]:
     return _only_ones(channels, roles)
 
 
-def _candidates(channel: Channel) -> list[Reading]:
-    """Readings of the name and of the phase field that do not contradict each other."""
-    named, field = [] if channel.input else readings(channel.name), phase_field(channel.phase)
+def _candidates(channel: Channel, machine: bool) -> list[Reading]:
+    """Readings of the name and of the phase field that do not contradict each other; `machine`: see `phase_field`."""
+    named, field = [] if channel.input else readings(channel.name), phase_field(channel.phase, machine)
     special = [one for one in named if one.kind not in ("phase", "line", "unknown")]
     if special:
         return special

@@ -130,6 +130,20 @@ def test_mains_signalling_is_measured_from_the_four_nearest_lines(carrier, share
     assert found == pytest.approx(share * 230, rel=0.05)
 
 
+@pytest.mark.parametrize(("share", "jump"), [(0.085, 0), (0.04, 0), (0, np.pi / 4)])
+def test_a_carrier_that_looks_like_a_transient_is_recorded_and_a_jump_of_the_phase_is_not(share, jump):
+    """175 Hz, seen once in a cycle, beats with the fundamental in every interval; a jump has lines there in one."""
+    t = np.arange(40_000) / RATE
+    late = t > (0.93 if jump else 1.0)
+    u = np.sin(2 * np.pi * F * t + jump * late) + share * np.sin(2 * np.pi * 175 * t) * late
+    options = Options(signalling_Hz=175.0, signalling_threshold=0.01, signalling_s=0.6)
+    values = of_kind(metered(230 * np.sqrt(2) * np.column_stack((u, u)), RATE, options=options))
+    high = [value for value in values if value.phase["V_ms"][0] > 2.3]
+    assert high and all("transient" in value.flags for value in high)
+    assert ["signalling" in value.flags for value in high] == [False] + [True] * (len(high) - 1)
+    assert len(high) == (1 if jump else 4)
+
+
 def test_without_a_word_neither_is_measured():
     phase = measured(voltage()).phase
     assert not {"V_ms", "V_ig", "V_h_angle", "P_h", "V_lines", "V_bands"} & set(phase)

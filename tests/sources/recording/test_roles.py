@@ -43,7 +43,7 @@ BESIDE = ["", "VDC", "VS", "VSYNC", "VN IN", "3I0 3U0", "IRES", "VBAT IDC", "UE 
 
 
 @pytest.mark.parametrize("names", ["U|V|{} I|A|{}", "V|V|{} I|A|{}", "Voltage||{} Current||{}"])
-@pytest.mark.parametrize("fields", [("L1", "L2", "L3"), ("A", "B", "C"), ("R", "S", "T")])
+@pytest.mark.parametrize("fields", [("L1", "L2", "L3"), ("A", "B", "C"), ("R", "S", "T"), ("U", "V", "W")])
 def test_the_phase_field_decides_where_a_name_says_a_quantity_alone(names, fields):
     listed = channels(" ".join(names.format(field, field) for field in fields))
     found = [(role.kind, role.quantity, role.phases) for role in roles_of(listed)]
@@ -154,6 +154,16 @@ def test_inputs_of_an_oscilloscope_are_no_phases():
     assert metered("Channel_A|V Channel_B|A") == {"u1": "Channel_A", "i1": "Channel_B"}
     with pytest.raises(InputError, match="--u-scale 1 --i-scale 1"):
         metered("CH1|V CH2|V")
+    assert metered("Input_A|V Input_B|A") == {"u1": "Input_A", "i1": "Input_B"}
+
+
+@pytest.mark.parametrize("names", [("U_Input_{}", "I_Input_{}"), ("Voltage_Input_{}", "Current_Input_{}"),
+                                   ("Input_{}_voltage", "Input_{}_current")])  # fmt: skip
+@pytest.mark.parametrize("units", ["VA", ("", "")])
+def test_the_input_of_a_converter_has_phases(names, units):
+    text = " ".join(f"{name.format(x)}|{unit}" for name, unit in zip(names, units, strict=True) for x in "ABC")
+    roles = roles_of([Channel(*item.split("|")) for item in text.split()])
+    assert [(role.quantity, role.phases) for role in roles] == [(q, (k,)) for q in "ui" for k in (1, 2, 3)]
 
 
 def test_of_whole_feeders_the_first_is_metered_and_voltages_of_one_are_not_mixed_with_currents_of_another():
