@@ -21,6 +21,7 @@ from acqd.errors import InputError, UserError
 from acqd.parquet_size import check_size
 from acqd.robot.last_line import LEFT_OUT, MOST_ROWS, is_cut_off
 from acqd.robot.table import text_of
+from acqd.robot.table_text import split
 from acqd.timestamps import Nanoseconds, parse_times
 
 _ZONE = re.compile(r"(?:Z|[+-]\d\d:?(?:\d\d)?)$", re.IGNORECASE)
@@ -31,6 +32,9 @@ _MISFIT = re.compile(r"Row #(?P<number>\d+): Expected (?P<expected>\d+) columns,
 """In pyarrow's errors. Its handler of such rows cannot read those that are no UTF-8, and prints a traceback."""
 _READ = pyarrow.csv.ReadOptions(use_threads=False)
 """With threads, rows have no numbers."""
+_BOM = b"\xef\xbb\xbf"
+_FIRST = re.compile(rb"[^\r\n]*(?:\r\n|\r|\n)?")
+"""A line with its end."""
 _LONGEST_LINE = 1 << 16
 """Bytes of the end of a file that hold its last line."""
 if TYPE_CHECKING:
@@ -86,10 +90,10 @@ def csv_batches(path: Path, notes: list[str]) -> Iterator[pa.RecordBatch]:
     with path.open("rb") as raw:
         file = text_of(path, raw)
         start, head = _header(path, file)
-        mark = next((mark for mark in (b",", b";", b"\t") if mark in head), b",").decode()
+        mark = _separator(head)
         parse = pyarrow.csv.ParseOptions(delimiter=mark)
         convert = pyarrow.csv.ConvertOptions(decimal_point="," if mark == ";" else ".")
-        end = _end_of_whole_lines(file, head, parse)
+        end = _end_of_whole_lines(file, start + len(head), mark)
         whole = _Part(file, start, end)
         try:
             yield from pyarrow.csv.open_csv(whole, read_options=_READ, parse_options=parse, convert_options=convert)
@@ -104,16 +108,39 @@ def _cut_off(path: Path) -> str:
 
 
 def _header(path: Path, file: BinaryIO) -> tuple[int, bytes]:
-    """Where the header begins behind comments (#), and behind the line by which Excel knows the separator; the header.
+    """Where the header begins, and the header.
 
-    Raises InputError where the header itself is a comment.
+    Blank lines, comments (#) and the line by which Excel knows the separator are no header. Raises InputError where
+    there is none, or where it is a comment.
     """
-    start, comment, head = 0, b"", file.readline()
-    while head.startswith(b"#") or head.lower().removeprefix(b"\xef\xbb\xbf").startswith(b"sep="):
-        start, comment, head = file.tell(), head, file.readline()
-    if b"P" in re.findall(rb"\w+", comment) and b"P" not in re.findall(rb"\w+", head):
+    start = len(_BOM) if file.read(len(_BOM)) == _BOM else 0
+    comment, head = b"", _line_at(file, start)
+    while head and (not head.strip() or head.startswith(b"#") or head.lower().startswith(b"sep=")):
+        comment = head if head.strip() else comment
+        start += len(head)
+        head = _line_at(file, start)
+    if not head:
+        raise InputError(path, "has no rows; expected a header with the columns time (or filetime) and P")
+    names = _cells(comment.lstrip(b"#"), _separator(head))
+    clock = {"time", "filetime"} & set(names)
+    cells = _cells(head, _separator(head))
+    if clock and "P" in names and "P" not in cells and len(names) == len(cells):
         raise InputError(path, "its header is a comment: remove the # before the names of the columns")
     return start, head
+
+
+def _line_at(file: BinaryIO, start: int) -> bytes:
+    file.seek(start)
+    line = _FIRST.match(file.readline(_LONGEST_LINE))
+    return line[0] if line else b""
+
+
+def _separator(head: bytes) -> str:
+    return next((mark for mark in (";", "\t") if mark.encode() in head and b"," not in head), ",")
+
+
+def _cells(line: bytes, mark: str) -> list[str]:
+    return split(line.decode(errors="replace"), mark)
 
 
 class _Part(io.RawIOBase):
@@ -134,30 +161,27 @@ class _Part(io.RawIOBase):
         return len(read)
 
 
-def _end_of_whole_lines(file: BinaryIO, head: bytes, parse: pyarrow.csv.ParseOptions) -> int:
-    """Bytes before a last line that has no end and is a part of a line; of any other file, all."""
+def _end_of_whole_lines(file: BinaryIO, begin: int, mark: str) -> int:
+    """Bytes before a last line that has no end and is a part of a line; of any other file, all.
+
+    Rows begin at `begin`.
+    """
     size = file.seek(0, os.SEEK_END)
-    file.seek(max(0, size - _LONGEST_LINE))
+    file.seek(max(begin, size - _LONGEST_LINE))
     text = file.read()
     last = text[max(text.rfind(b"\n"), text.rfind(b"\r")) + 1 :]
-    if not last or len(last) == len(text):  # ended; one line only, or longer than any row
+    if not last or len(last) == len(text):  # ended; one row only, or longer than any row
         return size
-    try:
-        pyarrow.csv.read_csv(io.BytesIO(head + last), read_options=_READ, parse_options=parse)
-    except pa.ArrowInvalid as error:
-        misfit = _MISFIT.search(str(error))
-        if misfit is not None and int(misfit["actual"]) < int(misfit["expected"]):
-            return size - len(last)
-    lines = text[: len(text) - len(last)].splitlines()[-MOST_ROWS:]
-    lines = lines[1:] if size <= _LONGEST_LINE + len(head) else lines  # without the header
-    mark = parse.delimiter.encode()
-    *others, cells = [line.decode(errors="replace").split(mark.decode()) for line in [*lines, last] if line.strip()]
-    return size - len(last) if is_cut_off([*map(_plain, cells)], [[*map(_plain, row)] for row in others]) else size
+    lines = text[: len(text) - len(last)].splitlines()
+    lines = lines if size - begin <= _LONGEST_LINE else lines[1:]  # without the rest of a line
+    others = [_row(line, mark) for line in lines[-MOST_ROWS:] if line.strip()]
+    in_quotes = last.count(b'"') % 2 == 1 and not any(line.count(b'"') % 2 for line in lines)
+    return size - len(last) if in_quotes or is_cut_off(_row(last, mark), others) else size
 
 
-def _plain(cell: str) -> str:
-    """A cell without quotes, its decimal comma as a point."""
-    return cell.strip().strip('"').replace(",", ".")
+def _row(line: bytes, mark: str) -> list[str]:
+    """Cells; with semicolons, decimal commas as points."""
+    return [cell.replace(",", ".") if mark == ";" else cell for cell in _cells(line, mark)]
 
 
 def _misfit(message: str) -> str:

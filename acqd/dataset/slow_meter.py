@@ -57,13 +57,18 @@ class SlowMeter:
 
 
 def slow_meter(
-    recordings: list[tuple[Regressors, Lag]], power: PowerStream, before: CommonFit, supply_lag_s: float
-) -> SlowMeter:
-    """The smoothing that explains the power best, behind a supply of `supply_lag_s`.
+    recordings: list[tuple[Regressors, Lag]], power: PowerStream, before: CommonFit, supply_lag_s: float,
+    *, filters: bool = True,
+) -> SlowMeter:  # fmt: skip
+    """The smoothing that explains the power best, behind a supply of `supply_lag_s`; without `filters`, a mean.
 
     `before` is the fit to the recordings without smoothing; at their lags, there is power.
     """
-    tried = [each for mean in (True, False) for each in _tried(recordings, power, before, supply_lag_s, mean=mean)]
+    tried = [
+        each
+        for mean in ((True, False) if filters else (True,))
+        for each in _tried(recordings, power, before, supply_lag_s, mean=mean)
+    ]
     scale_W = min(each.fit.scale_W for each in tried)
     return tried[int(np.argmin([biweight_loss(each.fit.residual, scale_W) for each in tried]))]
 

@@ -35,7 +35,8 @@ _MIN_RECORDINGS = 3
 _FIRST_STEPS, _STEPS = 8, 3
 _LATER = 0.8  # of a longer supply lag reappears in the lags
 _END_S, _STEEP = 0.008, 4.0
-"""A posterior mean so near to the longest lag, with -2 log likelihoods that still fall by so much towards that lag."""
+"""A posterior mean so near to the longest lag, with -2 log likelihoods that still fall by so much towards that lag. A
+mean of the meter must be worse than a long lag by as much to be ruled out."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,6 +89,12 @@ def supply_lag(
         if meter.average_s or meter.constant_s > _CANDIDATES_S[-1]:  # else a supply can be so slow
             return _behind_slow_meter(meter, chosen, float(usual))
     final = fit_common([o.behind_supply(mean) for o in overlaps], nearest.lags_s, nearest.weights, _STEPS)
+    if not at_end and mean - NORMAL_95 * error > USUAL_LAG_S:  # a mean over some 0.1 s smooths as much
+        meter = slow_meter([(regressors[k], lags[k]) for k in chosen], power, final, USUAL_LAG_S, filters=False)
+        scale_W = min(final.scale_W, meter.fit.scale_W)
+        behind_mean, behind_supply = (biweight_loss(fit.residual, scale_W) for fit in (meter.fit, final))
+        if (behind_mean - behind_supply) / inflation < _STEEP:  # better, or nobody can tell
+            return _behind_slow_meter(meter, chosen, float(usual))
     return SupplyLag(mean, error, float(at - usual), abs(float(high - low)) / 2, chosen, final)
 
 

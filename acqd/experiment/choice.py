@@ -16,7 +16,7 @@ from acqd.experiment.contest import Contest, together
 Worth = Callable[[Moments], float]
 _ALL_AGAIN, _NEARLY_BEST = 4, 16
 """What a piece adds changes slowly while a program grows (Minoux 1978): all pieces are looked at after every fourth,
-and in between those that were best."""
+and in between those that were best, unless none of these adds anything."""
 
 
 def chosen(
@@ -28,10 +28,13 @@ def chosen(
     state, left = so_far, total_s
     while fitting := [name for name in pieces if seconds[name] <= left]:
         now = worth(state)
-        looked_at = fitting if len(program) % _ALL_AGAIN == 0 else _best_of(gains, fitting)
-        found = {name: (worth(together([state, pieces[name]])) - now) / seconds[name] for name in looked_at}
-        gains |= found
-        best = max(found, key=lambda name: found[name])
+        shortlist = fitting if len(program) % _ALL_AGAIN == 0 else _best_of(gains, fitting)
+        for looked_at in (shortlist, fitting):
+            found = {name: (worth(together([state, pieces[name]])) - now) / seconds[name] for name in looked_at}
+            gains |= found
+            best = max(found, key=lambda name: found[name])
+            if found[best] > 0 or len(looked_at) == len(fitting):
+                break
         if found[best] <= 0:
             break
         program.append(best)

@@ -26,6 +26,7 @@ from acqd.motion.program_file import read_program
 from acqd.motion.replayed_log import motion_of
 from acqd.motion.trajectory import read_trajectory
 from acqd.robot.collision import require_free
+from acqd.robot.last_line import LEFT_OUT
 from acqd.robot.log_reader import read_log
 from acqd.robot.table import read_table
 
@@ -113,7 +114,7 @@ def _load(cell: Cell, source: Path) -> _Task:
         program = cell.planner.program(trajectory, cell.random(MOTION, 1, 1))
         return _Task(trajectory.name, trajectory.waypoints[0], lambda controller: controller.run(program))
     recorded = read_log(source, cell.robot)
-    if recorded.note:
+    if recorded.note not in ("", LEFT_OUT):
         raise InputError(source, f"{recorded.note}; remove them")
     motion = motion_of(recorded, cell.robot)
     return _Task(source.stem, motion.q[0], lambda _: motion)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import io
 import re
 from collections.abc import Collection
@@ -54,14 +55,15 @@ def read_table(path: Path, broken_share: float = 0.0, words: Collection[str] = (
     """A table separated by commas, semicolons, tabs or spaces, with a header or without, or a Parquet file.
 
     Blank lines are skipped. Commas are decimal where semicolons, tabs or spaces separate the columns. Up to
-    `broken_share` of the rows may have a wrong number of cells, and a last line that is cut off is left out then.
-    Columns named `words` are read as text, too. Raises InputError, UserError (Parquet without pyarrow).
+    `broken_share` of the rows may have a wrong number of cells, and a last line that is cut off is left out then;
+    otherwise a last line that lacks cells is refused, and one that only lacks digits is a row. Columns named `words`
+    are read as text, too. Raises InputError, UserError (Parquet without pyarrow).
     """
     if path.suffix == ".parquet":
         return _read_parquet(path, words)
     try:
         with path.open("rb") as file:
-            tables = list(text_tables(path, text_of(path, file), words))
+            tables = list(text_tables(path, text_of(path, file), words, by_digits=broken_share > 0))
     except OSError as error:
         raise InputError(path, f"cannot be read ({error.strerror})") from None
     table = joined(tables)
@@ -80,8 +82,10 @@ def text_of(path: Path, file: BinaryIO) -> BinaryIO:
     for mark, encoding in _ENCODINGS.items():
         if mark.match(head):
             try:
-                return io.BytesIO(file.read().decode(encoding).encode())
-            except UnicodeDecodeError:
+                # a recorder that was stopped hard may leave a part of a character, which is no error
+                text = codecs.getincrementaldecoder(encoding)().decode(file.read())
+                return io.BytesIO(text.encode())
+            except UnicodeError:
                 raise InputError(path, f"cannot be read (no UTF-8 text, nor {encoding.upper()})") from None
     for magic, what in _FORMATS.items():
         if head.startswith(magic):

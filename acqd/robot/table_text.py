@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from acqd.arrays import Floats
 from acqd.errors import InputError
 from acqd.robot.labels import Texts, from_cells, from_numbers
-from acqd.robot.last_line import CUT_OFF, MOST_ROWS, is_cut_off
+from acqd.robot.last_line import CUT_OFF, MOST_ROWS, is_cut_off, lacks_cells
 
 _BLOCK_BYTES = 1 << 20
 _LONGEST_LINE = 1 << 16
@@ -73,10 +73,11 @@ def joined(tables: list[Table]) -> Table:
     return Table(tables[0].header, values, lines, broken, words, tables[-1].note)
 
 
-def text_tables(path: Path, file: BinaryIO, words: Collection[str] = ()) -> Iterator[Table]:
+def text_tables(path: Path, file: BinaryIO, words: Collection[str] = (), *, by_digits: bool = True) -> Iterator[Table]:
     """The rows of `file` in blocks of about 1 MB, each with the header of the file. Raises InputError.
 
-    `path` is the file's name in messages; columns named `words` are read as text, too.
+    `path` is the file's name in messages; columns named `words` are read as text, too. A last line that is cut off is
+    left out; unless `by_digits`, only missing cells show that.
     """
     layout, rows = None, False
     try:
@@ -93,7 +94,7 @@ def text_tables(path: Path, file: BinaryIO, words: Collection[str] = ()) -> Iter
                         f"row {numbered[0][0]}: a cell holds a list; expected one number in each cell: write a "
                         "column for each joint, such as q1, q2 ...",
                     )
-            whole = numbered if ended or not numbered else layout.whole(numbered)
+            whole = numbered if ended or not numbered else layout.whole(numbered, by_digits=by_digits)
             if whole:
                 rows = True
                 yield replace(layout.table(whole), note="" if len(whole) == len(numbered) else CUT_OFF)
@@ -172,24 +173,25 @@ class _Layout:
         first = line.strip().lstrip("%#").strip()
         bare = _QUOTED.sub("", first) or first
         separator = next((mark for mark in ";\t," if mark in bare), None)
-        cells = _split(first, separator)
+        cells = split(first, separator)
         named = not all(_is_number(cell, separator) for cell in cells)
         columns = tuple(k for k, cell in enumerate(cells) if cell in words) if named else ()
         return cls(cells if named else None, separator, len(cells), columns)
 
-    def whole(self, numbered: list[tuple[int, str]]) -> list[tuple[int, str]]:
+    def whole(self, numbered: list[tuple[int, str]], *, by_digits: bool) -> list[tuple[int, str]]:
         """Lines without the last one if that is a part of a line."""
         *others, last = [
-            [self._cell(cell) for cell in _split(line, self.separator)] for _, line in numbered[-1 - MOST_ROWS :]
+            [self._cell(cell) for cell in split(line, self.separator)] for _, line in numbered[-1 - MOST_ROWS :]
         ]
-        return numbered[:-1] if is_cut_off(last, others) else numbered
+        is_part = is_cut_off if by_digits else lacks_cells
+        return numbered[:-1] if is_part(last, others) else numbered
 
     def table(self, numbered: list[tuple[int, str]]) -> Table:
         lines = np.array([number for number, _ in numbered])
         values = self._plain([line for _, line in numbered])
         if values is not None and not self.words:
             return Table(self.header, values, lines)
-        rows = [_split(line, self.separator) for _, line in numbered]
+        rows = [split(line, self.separator) for _, line in numbered]
         values, broken = (values, {}) if values is not None else self._cells(rows)
         words = {k: from_cells([self._cell(row[k]) for row in rows]) for k in self.words}
         return Table(self.header, values, lines, broken, words)
@@ -228,7 +230,8 @@ def _with_point(cell: str) -> str:
     return cell.replace(",", ".") if _DECIMAL_COMMA.fullmatch(cell) else cell
 
 
-def _split(line: str, separator: str | None) -> list[str]:
+def split(line: str, separator: str | None) -> list[str]:
+    """The cells of a line, without their quotes; separators between quotes belong to a cell."""
     cells = line.split(separator)
     if separator and '"' in line and line.count('"') % 2 == 0:
         quoted = next(csv.reader([line], delimiter=separator, skipinitialspace=True))

@@ -91,14 +91,19 @@ def _successive(day: np.ndarray) -> np.ndarray:
     return np.flatnonzero(day[1:] == day[:-1])
 
 
+def _without_level(values: Floats, session: np.ndarray) -> Floats:
+    """[n] values without the mean of their session; `session` [n] counts from 0."""
+    return np.asarray(values - (np.bincount(session, values) / np.bincount(session))[session])
+
+
 def _fitted(power: Floats, error: Floats, day: np.ndarray) -> tuple[Floats, float]:
     """[c, c] second moments of the factors, and the variance that they leave, W^2.
 
     From blocks in the order of time: [n, c] W of parts, [n] W of residual, [n] session. The level of a session is free.
     """
-    member = np.array([day == each for each in np.unique(day)], dtype=float)
-    level = member.T @ (member / member.sum(axis=1, keepdims=True))
-    x, y, count = power - level @ power, error - level @ error, len(error)
+    session = np.unique(day, return_inverse=True)[1]
+    x = np.column_stack([_without_level(column, session) for column in power.T])
+    y, count = _without_level(error, session), len(error)
     successive = _successive(day)
     variance = float(y.var()) + 1e-12
     for _ in range(_ROUNDS):  # the scatter that the factors leave decides how well they are known

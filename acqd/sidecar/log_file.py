@@ -26,6 +26,8 @@ class LogFile:
     """First and last controller time [s]."""
     moving: RobotLog
     """The piece with the most motion, of about ten minutes, or all of a shorter log."""
+    note: str
+    """What a user should know: that the last line is cut off; empty if it is whole."""
     _file: BinaryIO
     _robot: RobotDescription
     _whole: bool
@@ -42,11 +44,12 @@ class LogFile:
 
 def open_log(path: Path, file: BinaryIO, robot: RobotDescription, axes: int) -> LogFile:
     """Checks a log of `axes` joints with Unix times and at most 6 h. Raises UserError, InputError."""
-    moving, most, count, start_s, end_s = None, -1.0, 0, np.inf, -np.inf
+    moving, most, count, start_s, end_s, note = None, -1.0, 0, np.inf, -np.inf, ""
     for piece in with_neighbours(portions(path, file, robot), 0.0):
         if piece.q.shape[1] != axes:
             raise InputError(path, f"has {piece.q.shape[1]} axes, the model {axes}")
         begin, end = span_of(piece)
+        note = piece.note or note
         start_s, end_s, count = min(start_s, begin), max(end_s, end), count + 1
         if not (start_s >= 0 and end_s < _LATEST_S):
             raise InputError(path, f"times from {start_s:.4g} to {end_s:.4g} s are not Unix times")
@@ -56,7 +59,7 @@ def open_log(path: Path, file: BinaryIO, robot: RobotDescription, axes: int) -> 
         if amount > most:
             moving, most = piece, amount
     assert moving is not None  # a file without rows raises InputError
-    return LogFile(path, (start_s, end_s), moving, file, robot, count == 1)
+    return LogFile(path, (start_s, end_s), moving, note, file, robot, count == 1)
 
 
 def span_of(log: RobotLog) -> tuple[float, float]:

@@ -13,6 +13,7 @@ import numpy as np
 
 from acqd.errors import InputError
 from acqd.robot.description import RobotDescription
+from acqd.robot.last_line import LEFT_OUT
 from acqd.robot.log import RobotLog
 from acqd.robot.log_reader import log_of
 from acqd.robot.table_text import Table, joined, text_tables
@@ -28,7 +29,8 @@ _COLUMNS = ("time", "q", "qd", "tau", "current", "temperature", "power", "voltag
 def portions(path: Path, file: BinaryIO, robot: RobotDescription) -> Iterator[RobotLog]:
     """The log in `file` in portions of about a million numbers, in the order of time. Raises InputError, UserError.
 
-    A log with garbled rows is refused: a result would say nothing about rows left out.
+    A log with garbled rows is refused: a result would say nothing about rows left out. A last line that is cut off
+    is no such row: the note of the last portion tells of it.
     """
     latest_s, last = -np.inf, None
     turning = np.array([not joint.slides for joint in robot.joint])
@@ -37,7 +39,7 @@ def portions(path: Path, file: BinaryIO, robot: RobotDescription) -> Iterator[Ro
             row = min(table.broken)
             raise InputError(path, f"row {table.line(row)} {table.broken[row]}")
         log = log_of(path, table, robot)
-        if log.note:
+        if log.note not in ("", LEFT_OUT):
             raise InputError(path, log.note)
         begin_s, end_s = float(log.time.min()), float(log.time.max())
         if begin_s < latest_s - _BACK_S:
@@ -106,4 +108,4 @@ def _concatenated(logs: list[RobotLog]) -> RobotLog:
         columns = [getattr(log, name) for log in logs]
         values[name] = None if any(column is None for column in columns) else np.concatenate(columns)
     signals = {name: np.concatenate([log.signals[name] for log in logs]) for name in logs[0].signals}
-    return replace(logs[0], signals=signals, **values)
+    return replace(logs[0], signals=signals, note=logs[-1].note, **values)

@@ -87,6 +87,8 @@ class Worker:
 
     def _compared(self, path: Path, file: BinaryIO, identity: Identity) -> Done:
         log = open_log(path, file, self._robot, self.model.axes)
+        if log.note:
+            _log.warning("%s: %s", identity.log, log.note)
         power = self._power_rows.of_span(log, self.clock.last_lag_s)
         comparison, lag = self._placer.place(log, power)
         alarm = None

@@ -191,6 +191,14 @@ ROWS = "time,P\n" + "".join(f"{1_700_000_000 + 0.04 * k:.2f},{100 + 9 * np.sin(0
         (ROWS.replace(",", "\t").encode(), 200, 0),
         (ROWS.encode("utf-16"), 200, 0),
         (ROWS[:-9].encode(), 199, 1),  # the recorder was stopped within a line
+        (b"# 1\n# 2\n" + ROWS[:-4].encode(), 199, 1),
+        (b"\xef\xbb\xbf# W of P\n\n" + ROWS.encode(), 200, 0),
+        (b"# P, Q and S\n" + ROWS.encode(), 200, 0),
+        (b"# time,P of L1,P\n" + ROWS.encode(), 200, 0),
+        (ROWS.replace("\n", "\r").encode(), 200, 0),
+        (ROWS.encode() + b"1700000100,0", 201, 0),
+        (ROWS.replace("\n", ',"a,b"\n').replace('P,"a,b"', "P,flags").encode() + b"1700000100,5,a", 201, 0),
+        (ROWS.replace("\n", ',"a,b"\n').replace('P,"a,b"', "P,flags").encode() + b'1700000100,5,"a', 200, 1),
         (ROWS.encode() + bytes(500), 200, 1),  # the file system had kept room for more
     ],
 )
@@ -222,6 +230,8 @@ def test_a_last_line_of_json_that_is_cut_off_and_blank_ones_are_no_rows(tmp_path
         (ROWS.encode() + b"time,P,Hz\n1700000100,5,50\n", "row 202 has 3 columns, the header 2"),
         (ROWS.replace("\n", ",5\n").replace("P,5", "P").encode(), "row 2 has 3 columns, .*separate columns by ;"),
         (ROWS.replace("00.40,", "00.40 ").encode() + b"1", "row 12 has 1 columns, the header 2"),
+        (b"\n  ", "has no rows; expected a header with the columns time"),
+        (b"# c\n#" + ROWS.encode(), "its header is a comment"),
         (ROWS.encode() + b"1700000100\n", "row 202 has 1 columns, the header 2"),
         (ROWS.encode() + b"1700000100,---\n", "column P holds '---': .* empty cells for missing values"),
         (ROWS.replace("\n", " W\n").replace("P W", "P").encode(), "column P holds '.* W': expected numbers without"),

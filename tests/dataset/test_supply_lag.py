@@ -100,6 +100,16 @@ def means(power, rows, late_rows=0):
     return replace(power, P=np.roll(smooth, late_rows))
 
 
+@pytest.mark.parametrize("late_rows", [0, 1])
+def test_a_mean_over_three_rows_is_not_taken_for_a_slow_supply(late_rows):
+    recordings = robot(3, 31, seconds=15.0)
+    power = power_of(recordings, LAGS_S[:3], USUAL_LAG_S, 22, noise_W=0.5)
+    found = place(recordings, means(power, 3, late_rows), 1.0, silent)
+    assert any("were a mean over" in note for note in found.notes)
+    for placement, true in zip(found.placements, LAGS_S, strict=False):
+        assert abs(placement.lag_s - true) < placement.within_s
+
+
 @pytest.mark.parametrize("late_rows", [0, 5])
 def test_a_mean_over_many_rows_is_known_and_its_stamps_are_doubted(late_rows):
     recordings = robot(4, 21, seconds=15.0)

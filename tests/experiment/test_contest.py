@@ -75,6 +75,18 @@ def test_what_the_model_explains_already_counts_for_nothing():
     assert probability(contest(), hidden) < 1e-6
 
 
+def test_pieces_beside_the_shortlist_are_looked_at_before_the_choice_ends():
+    def of(first, second):
+        return Moments(np.diag([first, second]), np.zeros((2, 1)), np.zeros((1, 1)))
+
+    pieces = {f"alike {k}": of(5.0, 0.0) for k in range(20)} | {"other": of(0.0, 1.0)}
+    program = chosen(
+        lambda known: np.minimum(np.diag(known.normal), [5.0, 1.0]).sum(), of(0.0, 0.0), pieces,
+        dict.fromkeys(pieces, 1.0), 10.0,
+    )  # fmt: skip
+    assert sorted(program) == ["alike 0", "other"]
+
+
 @pytest.mark.parametrize("share", [0.5, 0.05])
 def test_rows_count_with_the_learning_rate(share):
     full = probability(contest(), moments(100 * share, 0.5, 2))

@@ -15,6 +15,12 @@ def test_trajectories_survive_their_file(tmp_path, drawn):
     np.testing.assert_allclose(again.waypoints, drawn[0][0].waypoints, atol=1e-7)
 
 
+def test_a_last_position_with_fewer_digits_is_a_position(tmp_path):
+    path = tmp_path / "t.csv"
+    path.write_text("\n".join([*(f"0,0,0,0,0,0,{k / 10:.3f}" for k in range(20)), "0,0,0,0,0,0,0.5"]))
+    assert len(read_trajectory(path, IIWA).waypoints) == 21
+
+
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [

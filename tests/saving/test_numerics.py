@@ -1,5 +1,6 @@
 """Time laws, the division of time, and intervals of differences."""
 
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -19,7 +20,7 @@ from acqd.robot.arm import Arm
 from acqd.robot.collision import CollisionChecker
 from acqd.robot.scene import load_scene
 from acqd.saving.cycle import Rest, Stretch, joined, pieces_of
-from acqd.saving.doubt import Doubt
+from acqd.saving.doubt import Doubt, _fitted
 from acqd.saving.order import _exact, _exchanged, reordered
 from acqd.saving.posture import easier_rests, easier_waits
 from acqd.saving.power import Meter
@@ -219,3 +220,15 @@ def test_points_in_a_bad_order_are_visited_on_the_shortest_round(model):
     for found in (_exact(cost), _exchanged(cost)):
         assert cost[[0, *found[:-1]], found].sum() == 100
     assert reordered(again, ROBOT, checker, Meter(model, "")) is None
+
+
+def test_the_levels_of_sessions_are_free_and_a_day_of_blocks_needs_little_memory():
+    rng = np.random.default_rng(3)
+    session = np.repeat(np.arange(40), 400)
+    power, noise = rng.normal(size=(len(session), 2)), rng.normal(size=len(session))
+    tracemalloc.start()
+    factors, variance = _fitted(power, 0.2 * power[:, 0] + noise + 10.0 * session, session)
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert np.sqrt(factors[0, 0]) == pytest.approx(0.2, abs=0.04) and variance == pytest.approx(1.0, abs=0.05)
+    assert most < 100 * power.nbytes

@@ -31,6 +31,17 @@ def test_power_that_comes_late_is_waited_for(tmp_path, bundle):
     assert run(worker, logs / "a.csv").status == "ok"
 
 
+def test_a_last_line_that_is_cut_off_is_left_out_and_said(tmp_path, bundle, caplog):
+    url, logs = str(tmp_path / "p.sqlite"), tmp_path / "logs"
+    logs.mkdir()
+    engine = open_database(url)
+    cell(logs, url, 1)
+    (path,) = logs.iterdir()
+    path.write_bytes(path.read_bytes()[:-30])
+    assert run(Worker(Settings(bundle, url, None, None, 0.3), engine), path).status == "ok"
+    assert "its last line is cut off" in caplog.text
+
+
 def test_another_model_begins_the_drift_anew(tmp_path, bundle):
     engine = open_database(str(tmp_path / "p.sqlite"))
     first = Worker(Settings(bundle, "", None, None), engine)
