@@ -48,7 +48,7 @@ def test_hours_come_from_roll_ups_and_what_is_newer_from_rows(database):
 def test_a_viewer_neither_creates_nor_guesses(tmp_path):
     from acqd.errors import UserError
 
-    with pytest.raises(UserError, match="does not exist"):
+    with pytest.raises(UserError, match="no such file"):
         read_database(str(tmp_path / "none.sqlite"))
     assert not list(tmp_path.iterdir())
     for wrong in ({"quantity": "P; DROP TABLE power"}, {"seconds": 0}, {"seconds": float("nan")}):

@@ -74,14 +74,14 @@ def _quiet(*_progress: object) -> None:
 
 
 def _row(name: str, closed: Closed) -> list[str]:
-    named = closed.improved.named
     texts = []
-    for effect in named:
+    for effect in closed.improved.effects:
         moment = effect.term.parameters.get(MOMENT)
+        sure = f"{effect.term.id} {effect.confidence:.0%}{'' if effect in closed.improved.named else ', no name'}"
         texts.append(
-            effect.term.id
+            sure
             if moment is None or moment["ci95"] is None
-            else "{}: {:.4f} kg m ({:.4f} to {:.4f})".format(effect.term.id, moment["value"], *moment["ci95"])
+            else "{}: {:.4f} kg m ({:.4f} to {:.4f})".format(sure, moment["value"], *moment["ci95"])
         )
     return [name, closed.verdict, "; ".join(texts) or "-"]
 
@@ -93,7 +93,7 @@ def main() -> None:
     parser.add_argument("--data", type=Path, default=DATA)
     given = parser.parse_args()
     light, heavy = runs(given.data, "0.535"), runs(given.data, "0.741")
-    table = Table("recordings", "verdict", "named, with its first moment", title="servo pendulum (derived power)")
+    table = Table("recordings", "verdict", "effect, with its first moment", title="servo pendulum (derived power)")
     table.add_row(*_row(f"0.741 kg (true: {TRUE_KG_M} kg m more)", judged(light, heavy, given.out / "heavier")))
     for first, name in ((0, "even"), (1, "odd")):
         closed = judged(light[1 - first :: 2], light[first::2], given.out / name)
