@@ -111,7 +111,7 @@ def _header(path: Path, file: BinaryIO) -> tuple[int, bytes]:
     """Where the header begins, and the header.
 
     Blank lines, comments (#) and the line by which Excel knows the separator are no header. Raises InputError where
-    there is none, or where it is a comment.
+    the file has no header, or where the header is a comment.
     """
     start = len(_BOM) if file.read(len(_BOM)) == _BOM else 0
     comment, head = b"", _line_at(file, start)

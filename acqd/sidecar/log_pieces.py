@@ -30,7 +30,7 @@ def portions(path: Path, file: BinaryIO, robot: RobotDescription) -> Iterator[Ro
     """The log in `file` in portions of about a million numbers, in the order of time. Raises InputError, UserError.
 
     A log with garbled rows is refused: a result would say nothing about rows left out. A last line that is cut off
-    is no such row: the note of the last portion tells of it.
+    is no such row: the note of the last portion says so.
     """
     latest_s, last = -np.inf, None
     turning = np.array([not joint.slides for joint in robot.joint])

@@ -90,7 +90,8 @@ def restore(metadata: dict[str, Any], arrays: Arrays) -> GreyBox:
     chain = Chain(arrays["chain_xyz"], arrays["chain_rotation"], arrays["chain_axis"], arrays["chain_tip"], sliding)
     layout = Layout(int(metadata["axes"]), tuple(metadata["signals"]), sliding)
     values = np.asarray(arrays["parameters"], dtype=np.float64)
-    if len(values) == layout.size - 1:
+    estimated = {entry["name"] for entry in metadata.get("parameters", ())}
+    if len(values) == layout.size - 1 and "sign_speed" not in estimated:
         values = np.append(values, _FIXED_SIGN_SPEED)
     if len(values) != layout.size or len(chain.xyz) != layout.axes:
         raise ValueError(

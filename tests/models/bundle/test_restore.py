@@ -15,8 +15,8 @@ from tests.models.motions import STEP
     "name", ["chain_axis", "chain_rotation", "chain_tip", "chain_xyz", "usual_signals", "parameters"]
 )
 def test_arrays_of_a_wrong_shape_are_told(tmp_path, name):
-    bundle = grey_bundle()
-    bundle.arrays[name] = bundle.arrays[name][..., :-2]
+    bundle = grey_bundle(parameters=[{"name": "sign_speed"}])
+    bundle.arrays[name] = bundle.arrays[name][..., :-1]
     save_bundle(tmp_path / "b", bundle)
     with pytest.raises(InputError, match="does not hold what its kind of model needs"):
         open_model(tmp_path / "b")

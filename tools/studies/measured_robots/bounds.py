@@ -29,7 +29,7 @@ from tools.common.tables import show
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """A finding that is none."""
+    """A finding that physics forbids, or that may be nothing."""
 
     effect: str
     text: str

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import partial
 
 import numpy as np
 
@@ -41,8 +40,8 @@ class Detection:
     """Shapes that were searched."""
     refinable: bool = False
     """Whether columns follow from the shape, so that the columns of a large effect can be computed."""
-    by_chance: Callable[[], float] = lambda: 0.0
-    """Log-likelihood gain of the same search in as many rows of the reference."""
+    usual: float = 0.0
+    """Twice the log-likelihood ratio that the same search gains in as many rows of the reference, at least 0."""
     label: str = ""
     """What acts, in words, without an effect."""
     twin: tuple[Effect, float] | None = None
@@ -58,7 +57,7 @@ class Detection:
         if self.effect is None:
             return Candidate(
                 "", self.label, indices, detected=True, cost=self.cost, tried=self.tried, key=key,
-                usual=self.in_reference(),
+                usual=self.usual,
             )  # fmt: skip
         place = self.effect.detected_place(self.shape, model)
         variant = Variant(place, place.columns, self.shape)
@@ -68,12 +67,8 @@ class Detection:
             twin = Twin(other.id, other.detected_place(self.shape, model).where, probability)
         return Candidate(
             self.effect.id, place.where, indices, variant, detected=True, cost=self.cost, tried=self.tried, key=key,
-            twin=twin, usual=self.in_reference(),
+            twin=twin, usual=self.usual,
         )  # fmt: skip
-
-    def in_reference(self) -> float:
-        """Twice the log-likelihood ratio that the same search gains in the reference, at least 0."""
-        return max(2 * self.by_chance(), 0.0)
 
 
 def detect(design: Design, regression: Regression, gate: Floats, known: set[str]) -> list[Detection]:
@@ -145,14 +140,14 @@ class _Search:
             shares[k] = share
         return [(level * share)[:, None] for level, share in zip(self.levels, shares, strict=True)]
 
-    def by_chance(self, residuals: list[Floats]) -> float:
-        """Log-likelihood gain of the same search in the reference, scaled to as many rows."""
+    def in_reference(self, residuals: list[Floats]) -> float:
+        """Twice the log-likelihood ratio that the same search gains in the reference, scaled to as many rows."""
         others = sorted(set(range(len(residuals))) - set(self.segments))
         states = self.among(residuals, others) if others else None
         if states is None:
             return 0.0
         rows = [sum(len(residuals[k]) for k in which) for which in (self.segments, others)]
-        return max(states.gain, 0.0) * rows[0] / rows[1]
+        return 2 * max(states.gain, 0.0) * rows[0] / rows[1]
 
 
 def _described(
@@ -177,7 +172,7 @@ def _described(
     columns = search.columns(states)
     found = partial(
         Detection, shape=shape, columns=columns, cost=float(states.switchings),
-        by_chance=cache(partial(search.by_chance, residuals)),
+        usual=search.in_reference(residuals),
     )  # fmt: skip
     if regular is not None and regular.likely and regular.period_s < THRESHOLDS.rhythm_shortest_s:
         # no heater or fan switches so often
