@@ -176,14 +176,13 @@ class Selection:
         """The base model and all selected effects."""
         return self.rows.regression
 
-    def keeping(self, keys: set[str]) -> Selection:
-        """With some of the effects only: what has no name explains nothing beside the others."""
+    @property
+    def unexplained(self) -> Rows:
+        """Rows of the base model alone, in which the selected effects compete again."""
         regression = self.regression
         for each in self.effects:
-            if each.key not in keys:
-                regression = regression.without(each.key)
-        kept = tuple(each for each in self.effects if each.key in keys)
-        return replace(self, rows=replace(self.rows, regression=regression), effects=kept)
+            regression = regression.without(each.key)
+        return replace(self.rows, regression=regression)
 
     @property
     def verdict(self) -> Verdict:
