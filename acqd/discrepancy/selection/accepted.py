@@ -17,8 +17,8 @@ from acqd.models.effects.laws.law import Law
 from acqd.models.effects.places import Place
 
 Verdict = Literal["effects_found", "nothing_left", "unknown_structure", "not_identifiable"]
-Status = Literal["named", "family", "candidate", "refused"]
-"""Leads and passes all rules; within the margin of the leader; behind the leader; fails a rule."""
+Status = Literal["leads", "candidate", "refused"]
+"""Leads and passes all rules; passes by itself, behind the leader; fails a rule."""
 
 
 def unnamed(quantity: str) -> str:
@@ -175,6 +175,11 @@ class Selection:
     def regression(self) -> Regression:
         """The base model and all selected effects."""
         return self.rows.regression
+
+    @property
+    def tables(self) -> list[tuple[Hypothesis, ...]]:
+        """Of every step of the search."""
+        return [*(each.table for each in self.effects), self.table]
 
     @property
     def unexplained(self) -> Rows:
