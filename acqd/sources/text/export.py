@@ -263,7 +263,7 @@ class Export:
     def _load(self, columns: list[int]) -> None:
         """Numbers of some columns. Raises InputError, which names row and column of anything else."""
         places = [self.layout.columns[k] for k in columns] if self.layout.columns else columns
-        delimiter = None if self.table.separator == " " else self.table.separator
+        delimiter = {" ": None, ",": ";" if self._quoted else ","}.get(self.table.separator, self.table.separator)
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # that there are no rows
@@ -280,10 +280,17 @@ class Export:
         for k, column in enumerate(columns):
             self.values[column] = found[:, k]
 
+    @property
+    def _quoted(self) -> bool:
+        """Whether quotes alone tell decimal commas from separators."""
+        return self.table.separator == self.table.decimal
+
     def _rows(self) -> Iterator[str]:
         comma = self.table.decimal == ","
         for line in islice(self.text.lines(), self.table.first, None):
             if line.strip():
+                if self._quoted:
+                    line = ";".join(split_row(line, self.table.separator))
                 row = line.replace('"', "")
                 yield row.replace(",", ".") if comma else row
 
