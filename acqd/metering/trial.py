@@ -57,7 +57,7 @@ def make_trial(f: float, rate: float, samples: int, window: int) -> Trial:
     The window is the last `window` samples; its two cycles lie as `interval_of` says.
     """
     start, stop = interval_of(f, rate, samples, window)
-    time = (np.arange(samples) + 0.5 - (start + stop) / 2) / rate  # from the middle of the cycles
+    time: Floats = np.asarray((np.arange(samples) + 0.5 - (start + stop) / 2) / rate)  # from the middle of the cycles
     highest = min(_HARMONICS, int(0.48 * rate / f))
     fundamental = np.exp(2j * np.pi * f * time)[:, None]
     harmonics = np.multiply.accumulate(np.broadcast_to(fundamental, (samples, highest)), axis=1)
