@@ -141,8 +141,8 @@ def _reader(path: Path, name: str, column: str | None = None) -> Any:
             values = np.asarray(dataset[...] if column is None else dataset[column])
             marks = {key: scalar(dataset.attrs[key]) for key in _MISSING if key in dataset.attrs and column is None}
             for key, mark in marks.items():
-                missing = np.flatnonzero(values == mark) if mark is not None else ()
-                if len(missing):
+                missing = np.flatnonzero(values == mark) if mark is not None else np.empty(0, dtype=np.intp)
+                if missing.size:
                     raise InputError(path, f"{name}: sample {missing[0] + 1} is marked as missing ({key})")
             return values
 

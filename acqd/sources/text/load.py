@@ -120,8 +120,9 @@ def _no_table(head: list[str], layout: Layout) -> str:
         return f"has separators of thousands ({grouped}); export numbers without them"
     for number, line in enumerate(head[1:], start=2):
         fields = split_row(line, next((d for d in ";\t," if d in head[0]), ","))
-        faults = ([k for k, one in enumerate(fields) if one and not is_number(one, decimal)] for decimal in ".,")
-        bad = next(iter(min(faults, key=len)), None)
+        faults = [[k for k, one in enumerate(fields) if one and not is_number(one, decimal)] for decimal in ".,"]
+        fewest = min(faults, key=len)
+        bad = fewest[0] if fewest else None
         if len(fields) == len(split_row(head[0], next((d for d in ";\t," if d in head[0]), ","))) and bad is not None:
             return (
                 f"row {number}, column {bad + 1}: {fields[bad]!r} is not a number; no table of numbers{known}{advice}"

@@ -208,6 +208,9 @@ def test_times_without_a_name_and_names_with_their_unit_are_understood(tmp_path)
         (["t [s];u1 [V];i1 [A]"], [f"0,0;1.{k % 900 + 100};1,5" for k in range(50)], r"'1\.100' is not a number"),
         (["time [s],V1 RMS (V),A1 RMS (A)"], PLAIN, "RMS or other computed values"),
         (["time [s],u1 [%],i1 [A]"], PLAIN, "'u1' is in %"),
+        (["time [s],u1 [V],time [ms],i1 [A]"],
+         [f"{t:.5f},{u:.4f},{1000 * t + 5:.2f},{i:.4f}" for t, u, i in zip(T, VOLTS, AMPERES, strict=True)],
+         "columns 1 and 3 are up to 0.005 s apart"),
     ],
 )  # fmt: skip
 def test_what_a_table_cannot_mean_is_refused_with_the_reason(tmp_path, head, rows, said):
