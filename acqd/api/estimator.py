@@ -13,13 +13,14 @@ from typing import TYPE_CHECKING, ClassVar, TypeAlias
 import numpy as np
 
 from acqd.errors import UserError
+from acqd.extras import install_command
 
 try:
     from sklearn.base import BaseEstimator, RegressorMixin
     from sklearn.metrics import r2_score
     from sklearn.utils.validation import check_consistent_length, check_is_fitted, validate_data
 except ModuleNotFoundError:
-    raise UserError("PowerRegressor needs scikit-learn: pip install 'acqd[sklearn]'") from None
+    raise UserError(f"PowerRegressor needs scikit-learn: {install_command('sklearn')}") from None
 
 from acqd.dataset.column_check import judge_recordings
 from acqd.dataset.cut import CONTEXT_ROWS
