@@ -27,6 +27,8 @@ class Data:
     recordings: int
     seconds: float
     start_ns: int
+    content: bytes
+    """Equal for copies only: simulated sessions all begin at the same time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,7 +131,7 @@ def _dataset(path: Path, manifest: dict[str, Any]) -> Data:
     seconds = sum(float(each["valid_s"]) for each in recordings)
     return Data(
         path, str(manifest["robot"]), str(manifest["measured"]), len(recordings), seconds,
-        int(manifest["power"]["first_ns"]),
+        int(manifest["power"]["first_ns"]), orjson.dumps([manifest["power"], recordings]),
     )  # fmt: skip
 
 
