@@ -37,6 +37,8 @@ def place_of(folder: Path | None, config: Path | None) -> Path:
     place = loaded.archive.place(loaded.state_dir, loaded.device)
     if place is None:
         raise UserError(f"{config}: neither [archive] folder nor state_dir is set")
+    if not loaded.archive.enabled and not place.exists():
+        raise UserError(f"{config}: no samples are kept, [archive] enabled is false, and {place} does not exist")
     return place
 
 

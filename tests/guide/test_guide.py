@@ -135,3 +135,5 @@ def test_a_broken_file_is_named_and_hides_nothing(tmp_path):
     assert "Next: model" in page and "ds1/manifest.json" in page and "simulated" in page
     with pytest.raises(UserError, match="no such folder"):
         found_in(tmp_path / "absent")
+    with pytest.raises(UserError, match="is a file, not a folder"):
+        found_in(tmp_path / "way.html")
