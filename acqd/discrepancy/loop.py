@@ -60,8 +60,7 @@ def close_loop(config: CloseConfig, progress: Progress) -> Closed:
         floor_W, floor_source = after.rmse, "of the residual, which is smaller than what the power varies by at rest"
     warnings = [*differing_logs(selection, improved), *common_load(selection), *drifted_level(selection)]
     progress("what these recordings can tell", 0.0)
-    unexplained = selection.keeping(set())
-    ability = Ability.of(unexplained.rows, unexplained.design.columns.in_question)
+    ability = Ability.of(selection.unexplained, selection.design.columns.in_question)
     return Closed(
         ability=ability, subject=subject, selection=selection, improved=improved, before=quality(errors_before),
         after=after, errors_before=errors_before, floor_W=floor_W, floor_source=floor_source,

@@ -18,7 +18,7 @@ from acqd.discrepancy.selection.judging import kinds_of, margin
 from acqd.discrepancy.selection.placing import placed, selected, without
 from acqd.discrepancy.selection.ranking import Rows, ranked
 from acqd.discrepancy.selection.session_columns import with_sessions
-from acqd.discrepancy.selection.step import State, Step
+from acqd.discrepancy.selection.step import State, Step, led_by
 from acqd.discrepancy.selection.supply_response import with_loaded_laws
 
 
@@ -55,7 +55,8 @@ def select(setup: Setup, limits: Limits, progress: Callable[[str], None]) -> Sel
         if _explained_by_law(doubt, limits) > names:
             unknown = doubt.law if doubt.passes else None
             withdrawn = "" if doubt.passes else unnamed(doubt.law.finding.candidate.label)
-            state = replace(doubt.before, rows=doubt.rows, unknown=unknown, table=doubt.table, standing=state.standing)
+            table = led_by(doubt.table, doubt.law.finding)
+            state = replace(doubt.before, rows=doubt.rows, unknown=unknown, table=table, standing=state.standing)
     rows = replace(state.rows, regression=state.rows.regression.on(state.rows.design.blocks))
     return Selection(rows, setup.design.witness, state.effects, state.unknown, state.table, withdrawn, state.standing)
 
@@ -75,7 +76,8 @@ def _grown(state: State, limits: Limits, progress: Callable[[str], None]) -> tup
             continue
         if step.leader is None:
             unknown = step.unknown if step.law is not None and step.law.passes else None
-            state = replace(state, rows=step.rows, unknown=unknown, table=step.table)
+            table = step.table if unknown is None else led_by(step.table, unknown.finding)
+            state = replace(state, rows=step.rows, unknown=unknown, table=table)
             break
         if step.outdone and doubt is None:
             assert step.law is not None

@@ -9,7 +9,7 @@ import numpy as np
 from acqd.discrepancy.regression.design_columns import Candidate
 from acqd.discrepancy.regression.least_squares import Column
 from acqd.discrepancy.regression.onset import Gate
-from acqd.discrepancy.selection.accepted import Hypothesis, Selected, Unknown
+from acqd.discrepancy.selection.accepted import Hypothesis, Selected, Unknown, unnamed
 from acqd.discrepancy.selection.detectors.candidates import Detection, detect
 from acqd.discrepancy.selection.judging import best_of_each, judged, margin, white_power
 from acqd.discrepancy.selection.placing import placed, selected
@@ -125,7 +125,7 @@ class Step:
             fit = fits[first.candidate.id]
             least = margin(fit.rows, gate.open, law.finding, [*state.known, first], state.kinds)
             outdone = law.finding.evidence > first.evidence + least
-        table = tuple(_row(each, judge(each, []), first) for each in shown)
+        table = led_by(tuple(judge(each, []) for each in shown), first)
         if leader is not None and leader.missing:
             leader = None
         return cls(state, rows, gate, table, fits, detections, leader, law, outdone, tuple(best), beyond)
@@ -172,15 +172,20 @@ def _first_name(best: list[Finding]) -> Finding | None:
     return next((each for each in best if each.candidate.id), None)
 
 
-def _row(finding: Finding, alone: Hypothesis, leader: Finding | None) -> Hypothesis:
-    """A row of the table, with what the hypothesis lacks against the leader."""
-    if finding is leader:
-        return replace(alone, status="refused" if alone.missing else "named")
-    if leader is None or alone.missing:
-        return alone
-    short = leader.evidence - finding.evidence
-    lacks = f"{short:.0f} more evidence than {leader.candidate.id}" if short > 0 else f"a name: {leader.candidate.id}"
-    return replace(alone, missing=(lacks,))
+def led_by(table: tuple[Hypothesis, ...], leader: Finding | None) -> tuple[Hypothesis, ...]:
+    """The table, with what every hypothesis that passes by itself lacks against the one that leads."""
+
+    def row(each: Hypothesis) -> Hypothesis:
+        if each.finding is leader:
+            return each if each.status == "refused" else replace(each, status="leads", missing=())
+        if leader is None or each.status == "refused":
+            return each
+        ahead = leader.candidate.id or unnamed(leader.candidate.label)
+        short = leader.evidence - each.finding.evidence
+        lacks = f"{short:.0f} more evidence than {ahead}" if short > 0 else f"a name: {ahead}"
+        return replace(each, status="candidate", missing=(lacks,))
+
+    return tuple(map(row, table))
 
 
 def _taken(candidate: Candidate, effects: tuple[Selected, ...]) -> bool:

@@ -64,6 +64,24 @@ def test_a_name_needs_evidence_at_speeds_that_the_reference_has(beyond, status, 
     assert judged.status == status and ("speeds that the reference has" in judged.missing) is beyond
 
 
+def test_a_name_does_not_hang_on_the_name_of_what_acts_beside_it(monkeypatch):
+    """A contact beside a friction that may be a cold gear: the friction explains its part, named or not."""
+    seen = []
+
+    def reported(selection, effect, _):
+        seen.append(selection)
+        return replace(CERTAIN, family_confidence=0.5) if effect.key == "friction" else CERTAIN
+
+    monkeypatch.setattr(naming, "torque_scale", lambda _: None)
+    monkeypatch.setattr(naming, "reported", reported)
+    monkeypatch.setattr(naming, "_only_beyond_reference", lambda *_: False)
+    effects = tuple(SimpleNamespace(id=key, key=key) for key in ("friction", "contact"))
+    selection = SimpleNamespace(effects=effects, rows=None)
+    judged = naming.named_effects(None, selection, None, lambda *_: None)
+    assert [each.status for each in judged] == ["hypothesis", "named"]
+    assert all(each is selection for each in seen)
+
+
 def recordings(model, count, size_W, seed):
     random = np.random.default_rng(seed)
     made = [recording(model, k, rows=60, seed=seed) for k in range(count)]

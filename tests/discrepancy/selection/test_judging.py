@@ -119,23 +119,6 @@ def test_kinds_are_effects_and_laws_and_not_their_places(friction):
     assert counts["coulomb_friction"] == sum(1 for each in candidates if each.kind == "coulomb_friction")
 
 
-def test_an_effect_without_a_name_explains_nothing_beside_the_others(model, robot):
-    """A friction and a constant load: the size of the friction alone is that of a selection without the load."""
-
-    def both(scene, random):
-        return dry(8.0)(scene, random) + 6.0
-
-    before = [recording(model, k, rows=400, seed=1) for k in range(5)]
-    after = [recording(model, k, both, rows=400, seed=2, start_s=1e9 + 5000) for k in range(5)]
-    _, selection = selected(model, robot, after, before, COMMON)
-    assert {each.id for each in selection.effects} == {"coulomb_friction", "offset_shift"}
-    friction = next(each for each in selection.effects if each.id == "coulomb_friction")
-    alone = selection.keeping({friction.key})
-    assert [each.id for each in alone.effects] == ["coulomb_friction"]
-    owners = {column.owner for column in alone.regression.columns}
-    assert friction.key in owners and not owners & ({each.key for each in selection.effects} - {friction.key})
-
-
 def test_a_long_log_is_as_many_sessions_as_it_is_longer_than_those_of_the_reference():
     amplitudes, information = np.array([0.3, -0.3, 0.3, -0.3]), np.ones(4)
 

@@ -13,7 +13,7 @@ from acqd.discrepancy.selection import step as step_module
 from acqd.discrepancy.selection.accepted import Hypothesis, Selected, Unknown
 from acqd.discrepancy.selection.forward_selection import Doubt, Limits, _settled
 from acqd.discrepancy.selection.ranking import Finding, Rows
-from acqd.discrepancy.selection.step import State, Step, _likeliest
+from acqd.discrepancy.selection.step import State, Step, _likeliest, led_by
 from acqd.models.effects.places import Place
 
 MARGIN = 30.0
@@ -108,3 +108,16 @@ def test_an_effect_below_the_margin_beside_later_ones_is_removed(left, names, st
     monkeypatch.setattr(search, "without", lambda rows, selected: rows)
     monkeypatch.setattr(search, "_with_effects", lambda before, effects: replace(before, effects=effects))
     assert [each.id for each in _settled(state).effects] == names
+
+
+def test_the_table_says_what_every_hypothesis_lacks_against_the_one_that_leads():
+    """Whoever leads in the end: a law that takes the place of a name leads the table, too."""
+    law, name, weak = finding("", 500.0), finding("contact_force", 300.0), finding("payload", 20.0)
+    refused = replace(hypothesis(weak), status="refused", missing=("evidence above 30",))
+    table = led_by((hypothesis(law), hypothesis(name), refused), name)
+    assert [each.status for each in table] == ["candidate", "leads", "refused"]
+    assert table[0].missing == ("a name: contact_force",) and table[2].missing == ("evidence above 30",)
+    again = led_by(table, law)
+    assert [each.status for each in again] == ["leads", "candidate", "refused"]
+    assert again[1].missing == ("200 more evidence than a torque that depends on the angle of joint 1",)
+    assert again[0].missing == () and again[2] == table[2]
