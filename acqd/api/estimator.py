@@ -171,7 +171,8 @@ class PowerRegressor(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         except ValueError as error:
             first = "" if len(q) == len(X) else f"rows from {rows.start} on: "
             raise ValueError(
-                f"{first}{error} Rows must be in the order of time; groups= names the recording of each"
+                f"{first}{error} Rows must be in the order of time; groups= names the recording of each (in "
+                "cross_val_score: sklearn.set_config(enable_metadata_routing=True) and params={'groups': names})"
             ) from None
         return q, known
 

@@ -61,7 +61,9 @@ def contents(
     Raises UserError where there are none.
     """
     if not folder.is_dir():
-        raise UserError(f"{folder}: {no_folder(folder)}; expected the archive of a daemon, [archive] folder in acqd.toml")
+        raise UserError(
+            f"{folder}: {no_folder(folder)}; expected the archive of a daemon, [archive] folder in acqd.toml"
+        )
     paths = sorted({*folder.glob(f"*{SUFFIX}"), *folder.glob(f"*/*{SUFFIX}")})
     paths = [path for path in paths if number_of(path) is not None]
     if not paths:

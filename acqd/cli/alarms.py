@@ -118,8 +118,7 @@ def history_command(
 
     Example: acqd alarms history --config /etc/acqd/acqd.toml
     """
-    from rich.table import Table
-
+    from acqd.cli.folded_table import Table
     from acqd.cli.terminal import terminal
     from acqd.integrations.alarms.history import history_file, read_history
 

@@ -7,11 +7,11 @@ from typing import Annotated, Any
 
 import orjson
 import typer
-from rich.table import Table
 
 from acqd.archive.catalogue import Contents, Gap, contents
 from acqd.archive.export import stretches, written
 from acqd.archive.verify import Checked, verified
+from acqd.cli.folded_table import Table
 from acqd.cli.options import ConfigFile, Json, config_file, utc_option
 from acqd.cli.terminal import terminal
 from acqd.daemon.archive.replay import chosen

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from rich.table import Table
-
+from acqd.cli.folded_table import Table
 from acqd.cli.terminal import terminal
 
 if TYPE_CHECKING:

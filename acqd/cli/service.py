@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import orjson
 import typer
-from rich.table import Table
 
+from acqd.cli.folded_table import Table
 from acqd.cli.options import Json
 from acqd.cli.terminal import terminal
 from acqd.errors import UserError
@@ -194,8 +194,6 @@ def remove(
 def _print_states(found: list[State]) -> None:
     """A table that fits 80 columns; the files, which are long and mostly one, follow it."""
     table = Table("service", "unit", "starts", "state, since", "broker user")
-    for column in table.columns:
-        column.overflow = "fold"
     for one in found:
         since = " ".join(one.since.split()[1:3])  # systemd's day of the week and zone would break the line
         state = f"{one.state}, {since}" if since else one.state
