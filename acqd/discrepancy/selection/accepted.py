@@ -159,10 +159,12 @@ class Selection:
     """Logged torques before any effect."""
     effects: tuple[Selected, ...] = ()
     unknown: Unknown | None = None
+    steps: tuple[tuple[Hypothesis, ...], ...] = ()
+    """Tables of the steps of the search, but for the last one."""
     table: tuple[Hypothesis, ...] = ()
     """Of the step that ended the search."""
-    withdrawn: str = ""
-    """A law, in words, that explains more than the names in its place, and that unchanged sessions differ by, too."""
+    usual: tuple[Hypothesis, ...] = ()
+    """What unchanged sessions differ by, too: random effects of the logs in question."""
     standing: Standing | None = None
     """Of every kind of hypothesis before the first effect was selected; None where nothing acts."""
 
@@ -179,7 +181,7 @@ class Selection:
     @property
     def tables(self) -> list[tuple[Hypothesis, ...]]:
         """Of every step of the search."""
-        return [*(each.table for each in self.effects), self.table]
+        return [*self.steps, self.table]
 
     @property
     def unexplained(self) -> Rows:

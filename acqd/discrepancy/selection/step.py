@@ -11,7 +11,7 @@ from acqd.discrepancy.regression.least_squares import Column
 from acqd.discrepancy.regression.onset import Gate
 from acqd.discrepancy.selection.accepted import Hypothesis, Selected, Unknown, unnamed
 from acqd.discrepancy.selection.detectors.candidates import Detection, detect
-from acqd.discrepancy.selection.judging import best_of_each, judged, margin, white_power
+from acqd.discrepancy.selection.judging import USUAL, best_of_each, judged, margin, white_power
 from acqd.discrepancy.selection.placing import placed, selected
 from acqd.discrepancy.selection.ranking import Finding, Rows, ranked
 from acqd.discrepancy.selection.shape_fit import ShapeFit
@@ -38,15 +38,21 @@ class State:
     """Of logs that ask for other parameters of an effect."""
     law: Unknown | None = None
     """A law in the place of names."""
+    usual: tuple[Hypothesis, ...] = ()
+    """What unchanged sessions differ by, too: random effects of the logs in question."""
     unknown: Unknown | None = None
+    steps: tuple[tuple[Hypothesis, ...], ...] = ()
+    """Tables of the steps before."""
     table: tuple[Hypothesis, ...] = ()
+    """Of the step that ended the search."""
     standing: Standing | None = None
     """Of the first step."""
 
     @property
     def known(self) -> list[Finding]:
         """Findings that a later one is judged beside."""
-        return [each.finding for each in self.effects] + ([self.law.finding] if self.law is not None else [])
+        law = [] if self.law is None else [self.law.finding]
+        return [*(each.finding for each in self.effects), *(each.finding for each in self.usual), *law]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,8 +69,10 @@ class Step:
     detections: dict[str, Detection]
     leader: Hypothesis | None
     """The effect to select."""
+    usual: Hypothesis | None
+    """What would lead if unchanged sessions did not differ by as much; with columns over both sides."""
     law: Hypothesis | None
-    """The unnamed alternative that explains most, if that is more than chance."""
+    """The unnamed alternative that explains most, if that passes by itself."""
     outdone: bool
     """Whether the law explains more than the leader by the margin."""
     best: tuple[Finding, ...]
@@ -76,7 +84,9 @@ class Step:
     def of(cls, state: State) -> Step | None:
         """None where no candidate acts."""
         rows, detections, detected = _with_detections(state)
-        pool = [c for c in rows.design.columns.candidates if not _taken(c, state.effects)]
+        usual = {each.id or each.where for each in state.usual}
+        free = [c for c in rows.design.columns.candidates if (c.id or c.label) not in usual]
+        pool = [c for c in free if not _taken(c, state.effects)]
         gate, findings = _likeliest(rows, state, pool)
         findings += ranked(rows, state.gates[0].open, detected)
         if not findings:
@@ -120,15 +130,33 @@ class Step:
         law = next((judge(each, []) for each in best if not each.candidate.id), None)
         beyond = max(min(each.finding.evidence, each.beyond_sessions) for each in (leader, law) if each is not None)
         law = None if law is None or law.finding.evidence <= law.margin else law
-        outdone = False
+        outdone = leader is None
         if law is not None and leader is not None and first is not None:
             fit = fits[first.candidate.id]
             least = margin(fit.rows, gate.open, law.finding, [*state.known, first], state.kinds)
             outdone = law.finding.evidence > first.evidence + least
         table = led_by(tuple(judge(each, []) for each in shown), first)
-        if leader is not None and leader.missing:
-            leader = None
-        return cls(state, rows, gate, table, fits, detections, leader, law, outdone, tuple(best), beyond)
+        usual = None
+        if law is not None and law.missing == (USUAL,) and (outdone or (leader is not None and leader.missing)):
+            usual = law
+        elif leader is not None and leader.missing == (USUAL,):
+            usual = replace(leader, finding=scanned.get(leader.id, leader.finding))
+        leader = None if leader is None or leader.missing else leader
+        law = None if law is None or law.missing else law
+        return cls(
+            state,
+            rows,
+            gate,
+            table,
+            fits,
+            detections,
+            leader,
+            usual,
+            law,
+            outdone and law is not None,
+            tuple(best),
+            beyond,
+        )
 
     def standing(self) -> Standing:
         """Of every kind of hypothesis; of the laws, the best."""

@@ -137,7 +137,7 @@ def test_the_verdict_follows_from_names_laws_and_the_growth_of_the_error(
     effects += [CERTAIN.without_name("refused", "a better prediction")] if refused else []
     subject = SimpleNamespace(held_out=new, fit_s=fit_s)
     law = Unknown(None, SimpleNamespace(open=None), 15.0) if unknown else None
-    selection = SimpleNamespace(rows=None, unknown=law, withdrawn="")
+    selection = SimpleNamespace(rows=None, unknown=law, usual=())
     trial = None if gains is None else Trial(model, None, errors, None, None, gains[1], gains[0])
     assert settled(subject, selection, Improved(model, tuple(effects), errors), errors, usual, trial)[0] == verdict
 
@@ -146,7 +146,10 @@ def test_names_in_whose_place_sessions_may_stand_leave_no_absence():
     model = grey()
     usual = usual_of(recordings(model, 8, 6.0, 0)[1])
     new, errors = recordings(model, 6, 6.0, 3)
-    subject, selection = SimpleNamespace(held_out=new, fit_s=600), SimpleNamespace(unknown=None, withdrawn="a law")
+    subject, selection = (
+        SimpleNamespace(held_out=new, fit_s=600),
+        SimpleNamespace(unknown=None, usual=(SimpleNamespace(id="", name="a law"),)),
+    )
     verdict, notes = settled(subject, selection, Improved(model, (), errors), errors, usual, None)
     assert verdict == "not_identifiable" and notes[0].startswith("a law explains more than every name")
 

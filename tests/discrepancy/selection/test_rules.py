@@ -78,14 +78,11 @@ def test_a_law_that_exceeds_the_leader_by_the_margin_is_a_doubt(law, outdone, st
     assert step.outdone is outdone and step.leader.id == "payload"
 
 
-@pytest.mark.parametrize("passes", [True, False])
 @pytest.mark.parametrize(("law", "names"), [(429.0, ["payload", "copper_loss"]), (431.0, [])])
-def test_names_have_to_explain_as_much_above_their_margins_as_the_law_in_their_place(
-    law, names, passes, state, monkeypatch
-):
+def test_names_have_to_explain_as_much_above_their_margins_as_the_law_in_their_place(law, names, state, monkeypatch):
     """The two names explain 490 less their margins of 60."""
     before = replace(state, effects=())
-    doubt = Doubt(before, state.rows, Unknown(finding("", law + MARGIN), ALWAYS, MARGIN), passes, ())
+    doubt = Doubt(before, state.rows, Unknown(finding("", law + MARGIN), ALWAYS, MARGIN), ())
     monkeypatch.setattr(search, "with_sessions", lambda _: state.rows)
     monkeypatch.setattr(search, "kinds_of", lambda *_: 40)
     monkeypatch.setattr(search, "_grown", lambda *_: (state, doubt))
@@ -93,8 +90,7 @@ def test_names_have_to_explain_as_much_above_their_margins_as_the_law_in_their_p
     setup = SimpleNamespace(gates=[ALWAYS], design=state.rows.design)
     selection = search.select(setup, Limits(max_effects=1), lambda _: None)
     assert [each.id for each in selection.effects] == names
-    assert (selection.unknown is None) is (bool(names) or not passes)
-    assert bool(selection.withdrawn) is (not names and not passes)
+    assert (selection.unknown is None) is bool(names)
 
 
 @pytest.mark.parametrize(("left", "names"), [(MARGIN - 1, ["copper_loss"]), (MARGIN + 1, ["payload", "copper_loss"])])
