@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 _MOST, _TAIL = 2000, 300  # characters of a message, and of its end if its middle is left out
 
@@ -62,6 +63,11 @@ def _one_line(text: str) -> str:
 def without_number(error: object) -> str:
     """What an error of a library says, without the number that the system has for the kind."""
     return re.sub(r"\[Errno -?\d+\] ", "", str(error))
+
+
+def no_folder(path: Path) -> str:
+    """What is wrong where a folder was expected and there is none."""
+    return "is a file, not a folder" if path.exists() else "no such folder"
 
 
 _PYDANTIC = (

@@ -11,6 +11,7 @@ from concurrent.futures.process import BrokenProcessPool
 from typing import Any, TypeVar
 
 from acqd.errors import OperationError, UserError
+from acqd.extras import install_command
 from acqd.plc.realtime import die_with_parent
 
 Task = TypeVar("Task")
@@ -79,7 +80,7 @@ def run_on_ray(
     try:
         import ray
     except ModuleNotFoundError:
-        raise UserError("--engine ray needs Ray: pip install 'acqd[ray]'") from None
+        raise UserError(f"--engine ray needs Ray: {install_command('ray')}") from None
     if address is None:  # a cluster for this run only: its processes share a secret token
         os.environ.setdefault("RAY_AUTH_TOKEN", secrets.token_hex(32))
     _start_ray(ray, address)

@@ -13,13 +13,14 @@ from typing import TYPE_CHECKING, ClassVar, TypeAlias
 import numpy as np
 
 from acqd.errors import UserError
+from acqd.extras import install_command
 
 try:
     from sklearn.base import BaseEstimator, RegressorMixin
     from sklearn.metrics import r2_score
     from sklearn.utils.validation import check_consistent_length, check_is_fitted, validate_data
 except ModuleNotFoundError:
-    raise UserError("PowerRegressor needs scikit-learn: pip install 'acqd[sklearn]'") from None
+    raise UserError(f"PowerRegressor needs scikit-learn: {install_command('sklearn')}") from None
 
 from acqd.dataset.column_check import judge_recordings
 from acqd.dataset.cut import CONTEXT_ROWS
@@ -170,7 +171,8 @@ class PowerRegressor(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         except ValueError as error:
             first = "" if len(q) == len(X) else f"rows from {rows.start} on: "
             raise ValueError(
-                f"{first}{error} Rows must be in the order of time; groups= names the recording of each"
+                f"{first}{error} Rows must be in the order of time; groups= names the recording of each (in "
+                "cross_val_score: sklearn.set_config(enable_metadata_routing=True) and params={'groups': names})"
             ) from None
         return q, known
 

@@ -15,6 +15,7 @@ from acqd import __version__
 from acqd.api.models import Model
 from acqd.api.places import Place
 from acqd.errors import UserError
+from acqd.extras import install_command
 
 try:
     import mlflow
@@ -24,7 +25,7 @@ try:
     from mlflow.models.model import ModelInfo
     from mlflow.types import ColSpec, DataType, Schema
 except ModuleNotFoundError:
-    raise UserError("a model of MLflow needs mlflow-skinny and pandas: pip install 'acqd[mlflow]'") from None
+    raise UserError(f"a model of MLflow needs mlflow-skinny and pandas: {install_command('mlflow')}") from None
 
 _RECORDING = "recording"
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from acqd.archive.head import FOLLOWS, STARTED
 from acqd.archive.segment import Segment
 from acqd.archive.segment_file import FULL, STOPPED, SUFFIX, TORN, number_of, stamp_of
-from acqd.errors import InputError, UserError
+from acqd.errors import InputError, UserError, no_folder
 
 _SOURCE, _DAMAGE = "the source sent none", "damaged bytes in the file"
 _MARGIN_NS = 60 * 10**9
@@ -61,7 +61,9 @@ def contents(
     Raises UserError where there are none.
     """
     if not folder.is_dir():
-        raise UserError(f"{folder}: no such folder; expected the archive of a daemon, [archive] folder in acqd.toml")
+        raise UserError(
+            f"{folder}: {no_folder(folder)}; expected the archive of a daemon, [archive] folder in acqd.toml"
+        )
     paths = sorted({*folder.glob(f"*{SUFFIX}"), *folder.glob(f"*/*{SUFFIX}")})
     paths = [path for path in paths if number_of(path) is not None]
     if not paths:

@@ -27,7 +27,7 @@ app = typer.Typer(invoke_without_command=True)
 _LIST_S = 2.0
 _BUDGETS_S = 300.0
 """Time between two looks at the budgets."""
-_NOBODY = "[alarms] names nobody to tell: set webhooks or mail_to, and pass the file with --config"
+_NOBODY = "[alarms] of acqd.toml names nobody to tell: set webhooks or mail_to there"
 
 
 @app.callback()
@@ -118,8 +118,7 @@ def history_command(
 
     Example: acqd alarms history --config /etc/acqd/acqd.toml
     """
-    from rich.table import Table
-
+    from acqd.cli.folded_table import Table
     from acqd.cli.terminal import terminal
     from acqd.integrations.alarms.history import history_file, read_history
 

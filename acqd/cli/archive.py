@@ -7,11 +7,11 @@ from typing import Annotated, Any
 
 import orjson
 import typer
-from rich.table import Table
 
 from acqd.archive.catalogue import Contents, Gap, contents
 from acqd.archive.export import stretches, written
 from acqd.archive.verify import Checked, verified
+from acqd.cli.folded_table import Table
 from acqd.cli.options import ConfigFile, Json, config_file, utc_option
 from acqd.cli.terminal import terminal
 from acqd.daemon.archive.replay import chosen
@@ -37,6 +37,8 @@ def place_of(folder: Path | None, config: Path | None) -> Path:
     place = loaded.archive.place(loaded.state_dir, loaded.device)
     if place is None:
         raise UserError(f"{config}: neither [archive] folder nor state_dir is set")
+    if not loaded.archive.enabled and not place.exists():
+        raise UserError(f"{config}: no samples are kept, [archive] enabled is false, and {place} does not exist")
     return place
 
 

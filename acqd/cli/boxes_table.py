@@ -6,7 +6,8 @@ from typing import Any
 
 from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
+
+from acqd.cli.folded_table import Table
 
 
 def show_boxes(console: Console, boxes: list[dict[str, Any]]) -> None:

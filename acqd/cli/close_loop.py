@@ -8,8 +8,8 @@ from typing import Annotated, Any
 
 import orjson
 import typer
-from rich.table import Table
 
+from acqd.cli.folded_table import Table
 from acqd.cli.options import Json
 from acqd.cli.progress import progress
 from acqd.cli.terminal import terminal

@@ -8,7 +8,8 @@ from importlib import import_module, metadata
 from typing import Annotated, Any
 
 import typer
-from typer.core import TyperGroup
+
+from acqd.cli.usage import NamingGroup
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +31,7 @@ class _Command:
         plain = self.name.replace("-", "_")
         module = import_module(f"acqd.cli.{self.room or plain}")
         if self.group:
-            app.add_typer(module.app, name=self.name, rich_help_panel=self.panel)
+            app.add_typer(module.app, name=self.name, cls=NamingGroup, rich_help_panel=self.panel)
         else:
             name = (self.room or plain).rpartition(".")[2]
             app.command(self.name, rich_help_panel=self.panel)(getattr(module, name))
@@ -82,7 +83,7 @@ _COMMANDS = (
 _ABOUT = "Energy twin measurement chain: 20 kHz samples in, trustworthy power rows out."
 
 
-class _OnAScreen(TyperGroup):
+class _OnAScreen(NamingGroup):
     """Help in the order of work, two commands a line: it fits a terminal of 80 columns and 24 lines."""
 
     def format_help(self, ctx: Any, formatter: Any) -> None:  # versions of Typer have click's classes in other modules

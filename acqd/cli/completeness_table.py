@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from rich.table import Table
-
+from acqd.cli.folded_table import Table
 from acqd.cli.terminal import terminal
 
 if TYPE_CHECKING:
@@ -35,10 +34,10 @@ def show_completeness(report: list[Completeness], day: str) -> None:
     if not gaps:
         return
     table = Table("device", "channels", "from (UTC)", "to", "rows", "cause")
+    having = {name: [one.channel for one in report if one.device == name] for name in {one.device for one in report}}
     for (device, gap), channels in list(gaps.items())[:_MOST_GAPS]:
-        table.add_row(
-            device, " ".join(channels), _of_day(gap.begin, day), _of_day(gap.end, day), str(gap.rows), gap.cause.value
-        )
+        which = "all" if len(channels) > 1 and channels == having[device] else " ".join(channels)  # fits 80 columns
+        table.add_row(device, which, _of_day(gap.begin, day), _of_day(gap.end, day), str(gap.rows), gap.cause.value)
     console.print(table)
     if len(gaps) > _MOST_GAPS:
         console.print(f"{len(gaps) - _MOST_GAPS} more gaps: --json lists all")

@@ -13,9 +13,9 @@ import orjson
 import typer
 from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
 
 from acqd.cli.findings_table import findings_table
+from acqd.cli.folded_table import Table
 from acqd.cli.options import ConfigFile, Json, config_file
 from acqd.errors import UserError
 
@@ -109,8 +109,6 @@ def diff(
         print(orjson.dumps([{"key": key, "value": here, name: there} for key, here, there in found]).decode())
         return
     table = Table("key", str(file), name)
-    for column in table.columns:
-        column.overflow = "fold"
     for row in found:
         table.add_row(*(escape(text) for text in row))
     Console().print(table if found else f"{file}: nothing differs from {other or 'the defaults'}", soft_wrap=not found)

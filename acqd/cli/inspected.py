@@ -5,8 +5,8 @@ from __future__ import annotations
 from datetime import UTC, datetime
 
 import orjson
-from rich.table import Table
 
+from acqd.cli.folded_table import Table
 from acqd.cli.phasor_diagram import diagram, lines
 from acqd.cli.terminal import terminal
 from acqd.sources.recording.inspect import Inspected

@@ -10,8 +10,8 @@ import numpy as np
 import orjson
 import typer
 from rich.console import Console
-from rich.table import Table
 
+from acqd.cli.folded_table import Table
 from acqd.cli.options import ConfigFile, Json, configured
 from acqd.daemon.modbus_sections import MetersSection
 from acqd.errors import UserError

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import orjson
 import typer
-from rich.table import Table
 
+from acqd.cli.folded_table import Table
 from acqd.cli.options import ConfigFile, Json, configured
 from acqd.cli.progress import progress
 from acqd.cli.terminal import terminal

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import orjson
 import typer
-from rich.table import Table
 
+from acqd.cli.folded_table import Table
 from acqd.cli.options import ConfigFile, Json, configured
 from acqd.cli.terminal import terminal
 from acqd.errors import UserError
@@ -52,7 +52,7 @@ def list_command(
         return
     table = Table(title=f"{total} in quarantine", title_justify="left", box=None, pad_edge=False)
     for name in ("id", "received", "topic", "reason"):
-        table.add_column(name, overflow="fold")
+        table.add_column(name)
     for one in some:
         table.add_row(str(one.id), one.received, one.topic, one.reason)
     terminal().print(table)

@@ -11,8 +11,8 @@ from typing import Annotated
 import orjson
 import typer
 from rich.progress import Progress
-from rich.table import Table
 
+from acqd.cli.folded_table import Table
 from acqd.cli.inspected import print_inspected
 from acqd.cli.options import ConfigFile, Host, Json, Port, broker_address, utc_option
 from acqd.cli.table import energy

@@ -8,9 +8,9 @@ from typing import Annotated
 
 import orjson
 import typer
-from rich.table import Table
 
 from acqd.atomic import write_complete
+from acqd.cli.folded_table import Table
 from acqd.cli.options import Json
 from acqd.cli.terminal import terminal
 from acqd.errors import InputError, UserError

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import orjson
 import typer
-from rich.table import Table
 
+from acqd.cli.folded_table import Table
 from acqd.cli.options import Json
 from acqd.cli.terminal import terminal
 from acqd.errors import UserError
@@ -171,7 +171,7 @@ def restore(
     lines += [f"not in it: {one}" for one in manifest.left_out]
     lines += ["everything is as it was stored; nothing was restored"] if check else system.done
     print("\n".join(lines))
-    if not check:
+    if not check and not any(line.startswith("started ") for line in system.done):
         chosen = "".join(f" --with {name}" for name in manifest.services if name.startswith("bridge-"))
         print(f"acqd service install{chosen} starts the services; acqd service status shows them")
 
@@ -194,16 +194,18 @@ def remove(
 def _print_states(found: list[State]) -> None:
     """A table that fits 80 columns; the files, which are long and mostly one, follow it."""
     table = Table("service", "unit", "starts", "state, since", "broker user")
-    for column in table.columns:
-        column.overflow = "fold"
     for one in found:
-        state = f"{one.state}, {one.since}" if one.since else one.state
+        since = " ".join(one.since.split()[1:3])  # systemd's day of the week and zone would break the line
+        state = f"{one.state}, {since}" if since else one.state
         table.add_row(one.service, one.unit, "yes" if one.enabled else "no", state, one.user)
     console = terminal()
     console.print(table)
     for file in dict.fromkeys(one.configuration for one in found):
         of = [one.service for one in found if one.configuration == file]
         console.print(f"configuration{'' if len(of) == len(found) else ' of ' + ', '.join(of)}: {file}")
+    for one in found:
+        if one.last_line:
+            console.print(f"{one.unit}: {one.last_line}")
 
 
 def _program(given: str | None) -> str:

@@ -20,6 +20,7 @@ from acqd.cli import quarantine
 from acqd.cli.completeness_table import show_completeness
 from acqd.cli.options import ConfigFile, Host, Json, Port, configured
 from acqd.cli.terminal import terminal
+from acqd.cli.usage import NamingGroup
 from acqd.daemon.config import Config
 from acqd.daemon.config_place import SERVICES_STATE
 from acqd.daemon.health.sink import SinkHealth
@@ -36,7 +37,12 @@ if TYPE_CHECKING:
     from acqd.storage.sink import Sink
 
 app = typer.Typer(invoke_without_command=True)
-app.add_typer(quarantine.app, name="quarantine", help="What is no row, or cannot be true: list, restore or drop it.")
+app.add_typer(
+    quarantine.app,
+    name="quarantine",
+    cls=NamingGroup,
+    help="What is no row, or cannot be true: list, restore or drop it.",
+)
 Database = Annotated[str | None, typer.Option(help="SQLite file or URL (default acqd.sqlite, or the config's).")]
 
 

@@ -10,9 +10,9 @@ import orjson
 import typer
 from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
 
 from acqd.cli.boxes_table import flagged, seconds, show_boxes
+from acqd.cli.folded_table import Table
 from acqd.cli.options import ConfigFile, Json, configured
 from acqd.daemon.health.query import SERVICES, Answer, ask
 from acqd.daemon.health.runbook import entry_for

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from rich.table import Table
+from acqd.cli.folded_table import Table
 
 _FORMATS = {
     "Vrms": ("V", ".1f"), "Irms": ("A", ".3f"), "P": ("W", ".1f"), "S": ("VA", ".1f"), "PF": ("", ".3f"),

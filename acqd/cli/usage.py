@@ -6,10 +6,13 @@ import re
 import sys
 from typing import Any
 
+from typer.core import TyperGroup
+
 from acqd.errors import in_our_words
 
 _WORDS = (
     (r"^Invalid value for '([^']*)': ", r"\1: "),
+    (r": Value error, ", ": "),
     (r" is not one of ", ": expected "),
     (r"^No such option: (-[\d.]+)$", r"\1: expected a number that is not negative"),
     (r"^No such", "no such"),
@@ -39,16 +42,36 @@ def answered(error: Exception) -> bool:
         said = re.sub(pattern, replacement, said)
     place, _, complaint = said.rpartition(": ")
     said = f"{place}{': ' if place else ''}{in_our_words(complaint)}"
-    context = getattr(error, "ctx", None) or _context(error)
+    context = getattr(error, "ctx", None)
     whole = context.command_path if context is not None else "acqd"
     command = whole.removeprefix("acqd").strip()
     print(f"acqd: {command}{': ' if command else ''}{said}; see {whole} --help", file=sys.stderr)
     return True
 
 
-def _context(error: Exception) -> Any:
-    """Of the command whose arguments were read: an option without its value is an error that does not name it."""
-    import traceback  # only here: it is slow to import
+class NamingGroup(TyperGroup):
+    """A group of commands that tells an error of usage which command it is about.
 
-    contexts = [frame.f_locals.get("ctx") for frame, _ in traceback.walk_tb(error.__traceback__)]
-    return next((context for context in reversed(contexts) if hasattr(context, "command_path")), None)
+    An option without its value is an error of click's parser, which knows no command.
+    """
+
+    _read: Any = None
+    """Name and command whose arguments are being read."""
+
+    # Versions of Typer keep click's classes in different modules, hence Any.
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """As click's, and remembers the command."""
+        name, command, rest = super().resolve_command(ctx, args)
+        self._read = (name, command)
+        return name, command, rest
+
+    def invoke(self, ctx: Any) -> Any:
+        """As click's; an error of usage without a context gets that of the command that was read."""
+        try:
+            return super().invoke(ctx)
+        except Exception as error:
+            lost: Any = error
+            if hasattr(error, "format_message") and getattr(error, "ctx", None) is None and self._read is not None:
+                name, command = self._read
+                lost.ctx = command.context_class(command, info_name=name, parent=ctx)
+            raise

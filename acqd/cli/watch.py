@@ -112,14 +112,19 @@ def _payloads(topic: str, payload: bytes) -> list[bytes]:
 async def _table(address: BrokerAddress, count: int | None) -> None:
     """Show summaries; only the first connection must succeed. Raises aiomqtt.MqttError."""
     watched = Watched(str(address))
-    with Live(console=terminal(soft_wrap=False), auto_refresh=False) as live:
-        refreshing = asyncio.create_task(_refresh(live, watched))
-        try:
-            while not await _until_lost(address, live, watched, count):
-                await asyncio.sleep(_RETRY_S)
-        finally:
-            refreshing.cancel()
-            live.update(watched.table(), refresh=True)
+    console = terminal(soft_wrap=False)
+    try:
+        with Live(console=console, auto_refresh=False) as live:
+            refreshing = asyncio.create_task(_refresh(live, watched))
+            try:
+                while not await _until_lost(address, live, watched, count):
+                    await asyncio.sleep(_RETRY_S)
+            finally:
+                refreshing.cancel()
+                live.update(watched.table(), refresh=True)
+    finally:
+        if not console.is_terminal:
+            console.print()  # in a pipe, Live leaves the last line open
 
 
 async def _until_lost(address: BrokerAddress, live: Live, watched: Watched, count: int | None) -> bool:

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import BinaryIO, TypeAlias
 
 from acqd.daemon.aggregate_file import AggregateFile
-from acqd.daemon.events.of_recording import EventSettings, EventWriter
+from acqd.daemon.events.of_recording import EventSettings, EventWriter, doubt_of_voltage
 from acqd.daemon.flicker_writer import FlickerWriter, check_length
 from acqd.daemon.half_cycle_file import HalfCycleFile
 from acqd.daemon.output_file import output_file
@@ -166,6 +166,8 @@ class _Run:
         if batches:
             whole = WindowBatch.join(batches)
             self._report.channels += describe(str(path), whole)
+            if self._settings.events is not None:
+                self._report.notes += doubt_of_voltage(path, self._settings.events.section, whole)
             self._seq += int(whole.seq[-1]) + 1
 
     def _make_meter(self, form: StreamFormat) -> Meter:

@@ -13,6 +13,7 @@ from pathlib import Path
 from acqd.c_builds import FMU_FALLBACK, fmu
 from acqd.compiling import NO_COMPILER, cache_folder, compile_shared, system_compiler
 from acqd.errors import UserError
+from acqd.extras import install_command
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,5 +70,5 @@ def _compiler(target: Platform) -> list[str]:
     if target.name == here():
         raise UserError(f"{NO_COMPILER}; otherwise {FMU_FALLBACK}")
     raise UserError(
-        f"compiling for {target.name} needs zig: pip install 'acqd[fmu]', or ask for --platform {here()} only"
+        f"compiling for {target.name} needs zig: {install_command('fmu')}, or ask for --platform {here()} only"
     )

@@ -11,7 +11,7 @@ from typing import Any
 import orjson
 
 from acqd.discrepancy.settled import leaves_open
-from acqd.errors import UserError
+from acqd.errors import UserError, no_folder
 
 _DEPTH = 4
 """Folders below the one that was named; results lie beside their datasets."""
@@ -27,6 +27,8 @@ class Data:
     recordings: int
     seconds: float
     start_ns: int
+    content: bytes
+    """Equal for copies only: simulated sessions all begin at the same time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +91,7 @@ class Found:
 def found_in(folder: Path) -> Found:
     """Look through a folder. Raises UserError where there is no folder that can be read."""
     if not folder.is_dir():
-        raise UserError(f"{folder}: no such folder; name the one with your datasets, or leave the name out")
+        raise UserError(f"{folder}: {no_folder(folder)}; name the one with your datasets, or leave the name out")
     found = Found(folder)
     readers: dict[str, Callable[[Path, dict[str, Any]], None]] = {
         "manifest.json": lambda path, content: found.datasets.append(_dataset(path, content)),
@@ -129,7 +131,7 @@ def _dataset(path: Path, manifest: dict[str, Any]) -> Data:
     seconds = sum(float(each["valid_s"]) for each in recordings)
     return Data(
         path, str(manifest["robot"]), str(manifest["measured"]), len(recordings), seconds,
-        int(manifest["power"]["first_ns"]),
+        int(manifest["power"]["first_ns"]), orjson.dumps([manifest["power"], recordings]),
     )  # fmt: skip
 
 

@@ -39,6 +39,8 @@ class _Work:
     asked: Data | None
     """The newest dataset that the model was not trained on."""
     loop: Loop | None
+    waiting: tuple[Data, ...]
+    """Earlier ones that no report is about."""
 
     @classmethod
     def of(cls, found: Found) -> _Work:
@@ -49,12 +51,15 @@ class _Work:
         further = {Path(name).name for loop in found.loops for name in loop.further}
         others = [
             each for each in found.datasets
-            if reference is not None and each.robot == reference.robot and each.start_ns != reference.start_ns
+            if reference is not None and each.robot == reference.robot and each.content != reference.content
             and each.path.name not in further
         ]  # fmt: skip
         asked = others[-1] if others else None
-        loops = [each for each in found.loops if asked and Path(each.dataset).name == asked.path.name]
-        return cls(reference, model, asked, loops[-1] if loops else None)
+        about = [(each, _asked_by(each, found)) for each in found.loops]
+        loops = [each for each, data in about if asked and data is asked]
+        judged = [data for _, data in about]
+        waiting = tuple(each for each in others[:-1] if not any(each is data for data in judged))
+        return cls(reference, model, asked, loops[-1] if loops else None, waiting)
 
 
 def stages(found: Found) -> list[Stage]:
@@ -121,7 +126,8 @@ def _loop(work: _Work) -> Stage:
         return Stage("loop", "now", f"{work.asked.path.name} ({_amount(work.asked)}) has no report yet", (line,))
     verdict = work.loop.verdict.replace("_", " ")
     names = f": {', '.join(work.loop.names)}" if work.loop.names else ""
-    return Stage("loop", "done", f"{verdict}{names}", (line,))
+    waiting = ", ".join(str(each.path) for each in work.waiting)
+    return Stage("loop", "done", f"{verdict}{names}{'; no report yet on ' + waiting if waiting else ''}", (line,))
 
 
 def _answer(found: Found, work: _Work) -> Stage:
@@ -150,6 +156,19 @@ def _repaired(work: _Work) -> Stage:
         return Stage("repaired model", "later", "nothing was added: the model stays as it is")
     lines = (f"acqd predict {model} LOG", f"acqd export-fmu {model}")
     return Stage("repaired model", "done", f"{model} has what was found", lines)
+
+
+def _asked_by(loop: Loop, found: Found) -> Data | None:
+    """The dataset of a report; of several with its name the one whose folders agree most, or that lies beside it."""
+    told = Path(loop.dataset).parts[::-1]
+
+    def agreement(each: Data) -> tuple[int, bool]:
+        own = each.path.absolute().parts[::-1]
+        same = next((k for k, (a, b) in enumerate(zip(told, own, strict=False)) if a != b), min(len(told), len(own)))
+        return same, each.path.parent == loop.path.parent
+
+    named = [each for each in found.datasets if each.path.name == Path(loop.dataset).name]
+    return max(named, key=agreement, default=None)
 
 
 def _named(found: Found, told: str) -> Data | None:

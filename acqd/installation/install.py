@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import shutil
+import time
 from collections.abc import Sequence
 from dataclasses import replace
 
 from acqd.errors import OperationError, UserError
 from acqd.installation.broker_access import new_password, with_passwords
-from acqd.installation.plan import SERVICES, File, Wanted, files_of, users_of
+from acqd.installation.plan import SERVICES, File, Wanted, files_of, require_reachable, users_of
 from acqd.installation.present import Present, kept, present_in, to_start
 from acqd.installation.root import Root
+from acqd.installation.state import FAILING, last_line, state_of
 
 _PASSWORDS = "/etc/mosquitto/acqd.passwords"
 _TIMER_STAMP = "/var/lib/systemd/timers/stamp-acqd-maintain.timer"
 _DATA = ("/etc/acqd", "/var/lib/acqd", "/var/cache/acqd")
+_SETTLED_S = 3.0
+"""Time in which a service that lacks a library or a setting has ended again."""
 
 
 def install(wanted: Wanted, root: Root, *, start: bool) -> None:
@@ -24,6 +28,13 @@ def install(wanted: Wanted, root: Root, *, start: bool) -> None:
     rights and folders that are installed. Raises UserError, OperationError.
     """
     root.require_rights()
+    if root.live:
+        require_reachable(wanted.program)
+        if start and not root.managed:
+            raise UserError(
+                "systemd does not run on this computer, so nothing can be started: "
+                "--no-start only installs, and acqd run --config /etc/acqd/acqd.toml is the daemon by hand"
+            )
     present = present_in(root.at)
     _carry_out(kept(wanted, present), present, root)
     if root.live and start:
@@ -37,12 +48,14 @@ def update(program: str, root: Root) -> None:
     Device, credentials and configuration stay. Raises UserError where nothing is installed, OperationError.
     """
     root.require_rights()
+    if root.live:
+        require_reachable(program)
     present = present_in(root.at)
     if not present.services:
         raise UserError(f"no service of acqd is installed below {root.folder}; acqd service install is the first step")
     units = running(root, present.services)
     _carry_out(kept(Wanted(program), present), present, root)
-    if root.live:
+    if root.managed:
         reload(root)
     for unit in units:
         root.run("systemctl", "restart", unit)
@@ -118,13 +131,13 @@ def remove(root: Root, *, purge: bool) -> None:
 def _stop(root: Root) -> None:
     """Stop and disable the services that are installed."""
     installed = [each for each in SERVICES.values() if root.at(f"/etc/systemd/system/{each.units[0]}").exists()]
-    for service in installed if root.live else []:
+    for service in installed if root.managed else []:
         root.run("systemctl", "disable", "--now", service.enabled, needed=False)
 
 
 def _forget(root: Root) -> None:
     """Have systemd and the broker forget what was removed."""
-    if root.live:
+    if root.managed:
         root.run("systemctl", "daemon-reload", needed=False)
         if any(done.startswith("removed /etc/mosquitto") for done in root.done):
             root.run("systemctl", "restart", "mosquitto.service", needed=False)
@@ -146,13 +159,21 @@ def _started(services: Sequence[str]) -> list[str]:
 
 
 def _start(units: Sequence[str], root: Root) -> None:
-    """Enable the units and start one after the other; raises OperationError at the end for those that fail."""
+    """Enable the units and start one after the other; raises OperationError at the end for those that fail.
+
+    systemd calls a service started that ends a moment later, so all are looked at once more.
+    """
     root.run("systemctl", "enable", *units)
-    failed = [unit for unit in units if not root.succeeds("systemctl", "start", unit)]
+    stopped = [unit for unit in units if not root.active(unit)]
+    for unit in stopped:
+        root.succeeds("systemctl", "start", unit)
+    if stopped:
+        time.sleep(_SETTLED_S)
+    failed = [unit for unit in units if state_of(unit)[0] in (FAILING, "failed", "inactive")]
+    root.done += [f"started {unit}" for unit in stopped if unit not in failed]
     if failed:
-        raise OperationError(
-            f"{', '.join(failed)}: installed, but not running yet; journalctl -u {failed[0]} says what is missing"
-        )
+        reasons = "; ".join(f"{unit}: {last_line(unit) or f'journalctl -u {unit}'}" for unit in failed)
+        raise OperationError(f"installed, but not running yet: {reasons}")
 
 
 def _missing_passwords(wanted: Wanted, root: Root) -> dict[str, str]:

@@ -162,6 +162,42 @@ def _check_archive(folder: str) -> None:
         raise UserError(f"--archive {folder}: the service does not see {', '.join(_HIDDEN)}; choose another folder")
 
 
+def require_reachable(program: str) -> None:
+    """Raises UserError where the units could not start the program: the user acqd has to reach its interpreter, too.
+
+    A virtual environment in a home, or made by a Python that lies in one (pyenv, uv), is such a program.
+    """
+    for file in (program, _interpreter(Path(program))):
+        path = Path(file).resolve()
+        hidden = next((name for name in _HIDDEN if str(path).startswith(f"{name}/")), None)
+        closed = next((one for one in (*reversed(path.parents), path) if not _open_to_all(one)), None)
+        if hidden or closed:
+            why = f"the units do not see {hidden}" if hidden else f"other users may not enter {closed}"
+            raise UserError(
+                f"{path}, which runs {program}: {why}; "
+                "make the environment with the Python of the system: /usr/bin/python3 -m venv /opt/acqd/.venv"
+            )
+
+
+def _interpreter(program: Path) -> str:
+    """Of a script, as its first line names it; the program itself where it is none."""
+    try:
+        with program.open("rb") as file:
+            first = file.readline(1000)
+    except OSError:
+        return str(program)
+    found = re.match(rb"#!\s*(/\S+)", first)
+    return found[1].decode(errors="replace") if found else str(program)
+
+
+def _open_to_all(path: Path) -> bool:
+    """Whether every user may enter the folder or run the file; True where nobody can tell."""
+    try:
+        return bool(path.stat().st_mode & 0o001)
+    except OSError:
+        return True
+
+
 def configuration(device: str, archive: str | None = None, *, users: bool) -> str:
     """acqd.toml with every key; with the users of the broker, where passwords are, and where samples are kept."""
     text = files("acqd.daemon").joinpath("acqd.toml").read_text(encoding="utf-8")

@@ -118,10 +118,12 @@ def _asked(wanted: Wanted, present: Present) -> tuple[str, ...]:
 
 
 def _configuration(path: Path) -> dict[str, Any] | None:
-    if not path.exists():
-        return None
     try:
+        if not path.exists():
+            return None
         return tomllib.loads(path.read_text(encoding="utf-8"))
+    except PermissionError:
+        raise UserError(f"{path}: this user may not read it; use sudo") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise InputError(path, f"no TOML ({error}); mend it first, the installation keeps this file") from None
 

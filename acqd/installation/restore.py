@@ -14,7 +14,7 @@ from acqd.errors import OperationError, UserError
 from acqd.installation.backup import SAMPLES, STATE
 from acqd.installation.backup_file import Manifest, manifest_of
 from acqd.installation.install import install, make_user, reload, require_broker, running
-from acqd.installation.plan import Wanted
+from acqd.installation.plan import Wanted, require_reachable
 from acqd.installation.present import present_in
 from acqd.installation.root import Root
 from acqd.installation.staging import CONFIG, Staging, children, staged
@@ -44,6 +44,8 @@ def restore(root: Root, path: Path, program: str, *, overwrite: bool) -> Verifie
     Raises UserError or InputError before anything is changed, OperationError with everything as it was.
     """
     root.require_rights()
+    if root.live:
+        require_reachable(program)
     manifest = manifest_of(path)
     if manifest.broker:
         require_broker(root)
@@ -67,10 +69,11 @@ def restore(root: Root, path: Path, program: str, *, overwrite: bool) -> Verifie
         archive = manifest.archive if manifest.archive == present_in(root.at).configured_archive else None
         wanted = Wanted(program, tuple(manifest.services), None, tuple(manifest.rights), archive, manifest.broker)
         install(wanted, root, start=False)
-    if root.live:
+    if root.managed:
         reload(root)
     for unit in units:
         root.run("systemctl", "start", unit)
+        root.done.append(f"started {unit}")
     return Verified(manifest, rows)
 
 

@@ -40,9 +40,14 @@ class Root:
         """Run a program of the system, and say whether it ended with 0."""
         return subprocess.run(command, capture_output=True, check=False).returncode == 0
 
+    @property
+    def managed(self) -> bool:
+        """Whether a systemd runs here that starts units: not below another root, nor in most containers."""
+        return self.live and Path("/run/systemd/system").is_dir() and shutil.which("systemctl") is not None
+
     def active(self, unit: str) -> bool:
         """Whether systemd runs the unit; never below another root."""
-        return self.live and shutil.which("systemctl") is not None and self.succeeds("systemctl", "is-active", unit)
+        return self.managed and self.succeeds("systemctl", "is-active", unit)
 
     def require_rights(self) -> None:
         """Raises UserError for a user who may not change the system, and without the root's folder."""

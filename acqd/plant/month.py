@@ -155,7 +155,7 @@ def month_page(month: Month, out: Path) -> Page:
 def _verdict(month: Month) -> Verdict:
     total = month.total
     lacking = [account.device for account in month.accounts if account.total.missing_s >= 60]
-    figures = [KeyFigure("energy", "-" if total.kWh is None else f"{number(total.kWh, 5)} kWh", _against(month))]
+    figures = [KeyFigure("energy", "-" if total.kWh is None else f"{number(total.kWh, 4)} kWh", _against(month))]
     if total.cost is not None:
         name = month.rules.tariff.name if month.rules.tariff is not None else ""
         figures.append(KeyFigure("cost", euros(total), name))
@@ -166,7 +166,8 @@ def _verdict(month: Month) -> Verdict:
         figures.append(KeyFigure("standby", percent(share), "of the energy"))
     figures.append(KeyFigure("devices", str(len(month.accounts))))
     missing = sum(account.total.missing_s for account in month.accounts)
-    sentences = [f"Rows lack of {counted(len(lacking), 'device')}, for {duration(missing)} in sum."] if lacking else []
+    devices = f"{counted(len(lacking), 'device')} {'lacks' if len(lacking) == 1 else 'lack'}"
+    sentences = [f"{devices} rows, for {duration(missing)} in sum."] if lacking else []
     if month.gone:
         sentences.append(f"No row in this month, but in the month before: {', '.join(month.gone)}.")
     sentence = " ".join(sentences) or "Rows of the whole month are there."

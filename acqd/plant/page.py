@@ -54,7 +54,8 @@ def _verdict(plant: Plant) -> Verdict:
     known = [row.kWh for row in plant.rows if row.kWh is not None]
     lacking = len(plant.rows) - len(known)
     note = f"of {counted(len(known), 'device')}; {lacking} unknown" if lacking else "of all devices"
-    figures.append(KeyFigure("energy", f"{number(sum(known), 4)} kWh a day", note))
+    energy = f"{number(sum(known), 4)} kWh a day" if known else "-"
+    figures.append(KeyFigure("energy", energy, note if known else "no device has a complete day"))
     costs = [row.EUR for row in plant.rows if row.EUR is not None]
     if costs:
         unknown = len(plant.rows) - len(costs)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import quote
 
-from acqd.errors import InputError, UserError
+from acqd.errors import InputError, UserError, no_folder
 from acqd.report.blocks import Link
 from acqd.report.digits import counted
 from acqd.report.head import Head, read_head
@@ -45,7 +45,7 @@ class Pages:
 def pages_beneath(folder: Path) -> Pages:
     """Read the heads of all pages. Links to folders are not followed. Raises UserError for no folder."""
     if not folder.is_dir():
-        raise UserError(f"{folder}: no such folder; name one that holds reports")
+        raise UserError(f"{folder}: {no_folder(folder)}; name one that holds reports")
     pages, others = [], []
     for path in sorted(_files(folder)):
         try:

@@ -15,6 +15,8 @@ Values = NDArray[np.floating[Any]]
 Colour = Literal["ink", "before", "after", "muted", "other", "fine"]
 MOST_POINTS = 3000
 _LEFT, _RIGHT, _TOP, _GAP, _BOTTOM = 62, 8, 6, 14, 40
+_ONE_VALUE = 1e-5
+"""Values within this share of their size are one: the numbers of the axis, of six digits, would be equal."""
 _CHARACTER = 7.5
 """Units that a digit of an axis takes at most."""
 
@@ -151,6 +153,8 @@ _Axis = tuple[float, float, list[float]]
 def _scale(panel: Panel, height: int) -> _Axis:
     known = np.concatenate([line.values[np.isfinite(line.values)] for line in panel.lines] or [np.zeros(1)])
     low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, 1.0)
+    if high - low < _ONE_VALUE * abs(high):
+        low, high = low - 0.1 * abs(low), high + 0.1 * abs(high)
     margin = 0.05 * max(high - low, 1e-9)
     low, high = low - margin, high + margin
     return low, high, ticks(low, high, max(3, height // 50))
@@ -172,14 +176,13 @@ def _multiples(step: float, low: float, high: float) -> list[float]:
 
 
 def _path(x: Values, y: Values) -> str:
-    parts, pen = [], "M"
-    for a, b in zip(x.tolist(), y.tolist(), strict=True):
-        if not math.isfinite(b):
-            pen = "M"
-            continue
-        parts.append(f"{pen}{a:g} {b:g}")
-        pen = "L"
-    return "".join(parts)
+    """A value between two unknown ones is a line of no length, which its round ends make a dot."""
+    known = np.isfinite(y)
+    before, after = np.append(False, known[:-1]), np.append(known[1:], False)
+    return "".join(
+        f"{'L' if before[k] else 'M'}{x[k]:g} {y[k]:g}{'' if before[k] or after[k] else 'h0'}"
+        for k in np.flatnonzero(known)
+    )
 
 
 def _rounded(values: Values) -> list[float | None]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.errors import InputError, UserError
+from acqd.extras import install_command
 from acqd.robot.bag_joints import States, arm_states
 from acqd.robot.description import LogColumns, RobotDescription
 from acqd.robot.table import Table
@@ -62,7 +63,7 @@ def _topics(path: Path) -> dict[str, States]:
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
     except ModuleNotFoundError:
-        raise UserError(f"{path}: ROS bags need rosbags: pip install 'acqd[rosbag]'") from None
+        raise UserError(f"{path}: ROS bags need rosbags: {install_command('rosbag')}") from None
     topics: dict[str, States] = {}
     others: list[str] = []
     try:

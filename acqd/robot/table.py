@@ -13,6 +13,7 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.errors import InputError, UserError
+from acqd.extras import install_command
 from acqd.parquet_size import check_size
 from acqd.robot.labels import from_cells
 from acqd.robot.table_text import Table, joined, number_in, text_tables
@@ -100,7 +101,7 @@ def _read_parquet(path: Path, words: Collection[str]) -> Table:
         import pyarrow.parquet
         import pyarrow.types
     except ModuleNotFoundError:
-        raise UserError(f"{path}: Parquet needs pyarrow: pip install 'acqd[data]'") from None
+        raise UserError(f"{path}: Parquet needs pyarrow: {install_command('data')}") from None
     try:
         # not read_table, which imports pyarrow.dataset
         with pyarrow.parquet.ParquetFile(path) as parquet:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from acqd.errors import UserError
+from acqd.extras import install_command
 from acqd.sources.base import Source
 from acqd.sources.load import load_waveform
 from acqd.sources.replay import ReplaySource
@@ -89,5 +90,5 @@ def device_module(package: str) -> Any:
         return import_module(f"acqd.sources.{package}")
     except ModuleNotFoundError as error:
         raise UserError(
-            f"source.kind: {error.name} is not installed; pip install 'acqd[{_EXTRA}]' (make install EXTRA={_EXTRA})"
+            f"source.kind: {error.name} is not installed; {install_command(_EXTRA)} (make install EXTRA={_EXTRA})"
         ) from None

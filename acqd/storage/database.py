@@ -16,6 +16,7 @@ import sqlalchemy as sa
 
 from acqd.atomic import private
 from acqd.errors import UserError, without_number
+from acqd.extras import install_command
 from acqd.storage.away import DatabaseAwayError
 from acqd.storage.conversion import convert
 from acqd.storage.outage import is_outage
@@ -195,7 +196,7 @@ def engine_for(url: str, *, impatient: bool = False) -> sa.Engine:
         return engine
     except ModuleNotFoundError as error:
         raise UserError(
-            f"database {shown(parsed)} needs the {error.name} package: pip install 'acqd[postgres]'"
+            f"database {shown(parsed)} needs the {error.name} package: {install_command('postgres')}"
         ) from None
 
 

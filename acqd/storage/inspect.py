@@ -10,6 +10,7 @@ import sqlalchemy as sa
 from alembic.script import ScriptDirectory
 
 from acqd.errors import UserError
+from acqd.extras import install_command
 from acqd.storage.database import MIGRATIONS
 from acqd.storage.url import parse_url, shown
 
@@ -30,7 +31,7 @@ def inspect_database(url: str) -> str:
         raise UserError(f"database {shown(parsed)}: {reason.splitlines()[0]}") from None
     except ModuleNotFoundError as error:
         raise UserError(
-            f"database {shown(parsed)} needs the {error.name} package: pip install 'acqd[postgres]'"
+            f"database {shown(parsed)} needs the {error.name} package: {install_command('postgres')}"
         ) from None
     return _state(shown(parsed), tables, version)
 

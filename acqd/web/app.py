@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import gzip
+import mimetypes
 import time
 from collections.abc import AsyncIterator, Callable
 from dataclasses import asdict
 from datetime import UTC, datetime
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -90,14 +93,14 @@ class Site:
         await self._loop.job.cancel()
         await self._files.files.cancel()
 
-    async def _page(self, _: Request) -> Response:
-        return FileResponse(_ASSETS / "index.html", headers=HEADERS)
+    async def _page(self, request: Request) -> Response:
+        return await _file(_ASSETS / "index.html", request, HEADERS)
 
     async def _asset(self, request: Request) -> Response:
         name = request.path_params["name"]
         if name not in self._assets:
             return Response("no such file", 404)
-        return FileResponse(self._assets[name], headers=HEADERS | {"cache-control": "no-cache"})
+        return await _file(self._assets[name], request, HEADERS | {"cache-control": "no-cache"})
 
     async def _events(self, _: Request) -> Response:
         headers = NOT_KEPT | {"x-accel-buffering": "no"}
@@ -200,3 +203,18 @@ def _span(request: Request) -> Span:
 
 def _said(answer: Answer) -> list[str]:
     return [*answer.problems, *answer.notes]
+
+
+async def _file(path: Path, request: Request, headers: dict[str, str]) -> Response:
+    """A file of the page, compressed for browsers that take it."""
+    if "gzip" not in request.headers.get("accept-encoding", ""):
+        return FileResponse(path, headers=headers)
+    packed = await asyncio.to_thread(_packed, path, path.stat().st_mtime_ns)
+    headers = headers | {"content-encoding": "gzip", "vary": "accept-encoding"}
+    return Response(packed, headers=headers, media_type=mimetypes.guess_type(path.name)[0])
+
+
+@lru_cache
+def _packed(path: Path, _changed_ns: int) -> bytes:
+    """The file as gzip, made once."""
+    return gzip.compress(path.read_bytes(), mtime=0)

@@ -18,6 +18,8 @@ MISTAKES = {
     ("energy", "--bye", "day"): "energy: no such option: --bye",
     ("plan", "-5"): "plan: -5: expected a number that is not negative",
     ("energy", "--by"): "energy: --by: expected an argument after the option; see acqd energy --help",
+    ("sink", "quarantine", "list", "--limit"): "sink quarantine list: ",
+    ("replay", "--mode", "square", "x.npz"): "replay: --mode: 'square': expected 'synchronous', 'fixed'; see acqd rep",
     ("archive", "verify", "--config"): "archive verify: --config: expected an argument after the option; see acqd a",
     ("train",): "train: missing argument 'DS'; see acqd train --help",
     ("archive", "nosuch"): "archive: no such command 'nosuch'; see acqd archive --help",

@@ -100,6 +100,19 @@ def test_recordings_of_another_robot_and_copies_are_not_in_question(tmp_path):
     assert now(tmp_path).name == "can it be told?"
 
 
+def test_simulated_sessions_begin_together_and_are_no_copies(tmp_path):
+    dataset(tmp_path, "ds0", 100), model(tmp_path, "ds0.models/a"), dataset(tmp_path, "ds1", 100, count=8)
+    assert now(tmp_path).commands == (f"acqd close-loop {tmp_path}/ds1 --model {tmp_path}/ds0.models/a",)
+
+
+def test_earlier_recordings_without_a_report_are_named(tmp_path):
+    dataset(tmp_path, "ds0", 100), model(tmp_path, "ds0.models/a"), dataset(tmp_path, "ds1", 300)
+    dataset(tmp_path, "monday/ds1", 200)
+    report(tmp_path, 0.97)
+    loop = next(step for step in stages(found_in(tmp_path)) if step.name == "loop")
+    assert loop.says == f"effects found: payload (flange); no report yet on {tmp_path}/monday/ds1"
+
+
 def test_a_broken_file_is_named_and_hides_nothing(tmp_path):
     dataset(tmp_path, "ds0", 100)
     (tmp_path / "ds1").mkdir()
@@ -122,3 +135,5 @@ def test_a_broken_file_is_named_and_hides_nothing(tmp_path):
     assert "Next: model" in page and "ds1/manifest.json" in page and "simulated" in page
     with pytest.raises(UserError, match="no such folder"):
         found_in(tmp_path / "absent")
+    with pytest.raises(UserError, match="is a file, not a folder"):
+        found_in(tmp_path / "way.html")

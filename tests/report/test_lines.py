@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from acqd.report.lines import MOST_POINTS, ticks
+from acqd.report.lines import MOST_POINTS, Line, Panel, _path, _scale, ticks
 from tests.report.charts import chart
 
 
@@ -31,6 +31,12 @@ def test_an_unknown_value_interrupts_the_line_and_lines_stay_within_their_panel(
     assert path.count("M") == 2
     heights = [float(pair.split()[1]) for pair in re.split("[ML]", path)[1:]]
     assert min(heights) >= 6 and max(heights) <= 6 + 260
+
+
+def test_a_value_between_unknown_ones_is_a_dot_and_a_single_value_has_an_axis():
+    assert _path(np.arange(5.0), np.array([1.0, 2.0, np.nan, 3.0, np.nan])) == "M0 1L1 2M3 3h0"
+    low, high, marks = _scale(Panel("kWh", [Line("energy", np.array([0.208398, np.nan]))]), 260)
+    assert low < 0.19 and high > 0.22 and len({f"{mark:g}" for mark in marks}) == len(marks) >= 3
 
 
 def test_the_values_for_the_pointer_cannot_end_their_script():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import gzip
 import json
 import shutil
 import subprocess
@@ -13,6 +14,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import pytest
 from starlette.datastructures import Headers
+from starlette.requests import Request
 
 from acqd.daemon.config import Config
 from acqd.daemon.config_checks import _secrets
@@ -95,6 +97,18 @@ def test_a_secret_that_is_missing_or_short_is_refused_in_one_line(tmp_path):
         ProxySection(secret_file=tmp_path / "secret")
     with pytest.raises(ValueError, match="user_header"):
         ProxySection(secret_file=tmp_path / "secret", act=["acqd-act"], user_header="X Bad Header:")
+
+
+def test_files_of_the_page_travel_compressed(tmp_path):
+    from acqd.web.app import _ASSETS, _file
+
+    plain = (_ASSETS / "page.js").read_bytes()
+    for accepted, coding in (("gzip, br", "gzip"), ("", None)):
+        request = Request({"type": "http", "headers": [(b"accept-encoding", accepted.encode())]})
+        answer = asyncio.run(_file(_ASSETS / "page.js", request, {}))
+        assert answer.headers.get("content-encoding") == coding and "javascript" in answer.headers["content-type"]
+        if coding:
+            assert len(answer.body) < len(plain) / 2 and gzip.decompress(answer.body) == plain
 
 
 def test_names_and_groups_of_any_alphabet_are_people(tmp_path):

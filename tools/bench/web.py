@@ -131,10 +131,10 @@ def loads(section: str, browser: Any, port: int) -> Iterator[Figure]:
         page.wait_for_function("performance.getEntriesByName('first-contentful-paint').length")
         paints.append(page.evaluate("performance.getEntriesByName('first-contentful-paint')[0].startTime"))
         fixed = [each for each in responses if "/api/" not in each.url and "/events" not in each.url]
-        weight = sum(len(each.body()) for each in fixed)
+        weight = sum(each.request.sizes()["responseBodySize"] for each in fixed)
         page.close()
     yield Figure(section, f"first contentful paint, median of {_LOADS}", statistics.median(paints), "ms", "<= 1000")
-    yield Figure(section, "page weight (HTML, style, scripts, without data)", weight / 1000, "kB", "<= 120")
+    yield Figure(section, "page weight as transferred (without data)", weight / 1000, "kB", "<= 120")
 
 
 def _lag(section: str, browser: Any, port: int, broker: int) -> Iterator[Figure]:

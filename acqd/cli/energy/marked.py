@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import orjson
-from rich.table import Table
 
 from acqd.atomic import write_complete
+from acqd.cli.folded_table import Table
 from acqd.cli.terminal import terminal
 from acqd.errors import UserError
 

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import orjson
 import typer
-from rich.table import Table
 
 from acqd.atomic import write_complete
 from acqd.cli.energy.outputs import check_outputs
+from acqd.cli.folded_table import Table
 from acqd.cli.options import ConfigFile, Json, configured
 from acqd.cli.terminal import terminal
 from acqd.errors import UserError

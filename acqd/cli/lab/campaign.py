@@ -9,8 +9,8 @@ from typing import Annotated
 
 import orjson
 import typer
-from rich.table import Table
 
+from acqd.cli.folded_table import Table
 from acqd.cli.lab.options import Effects, LabFile, Robot, RobotSeed, Scene, Seed, Undeclared, settings_from
 from acqd.cli.options import Json
 from acqd.cli.progress import progress

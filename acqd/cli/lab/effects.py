@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import orjson
-from rich.table import Table
 
+from acqd.cli.folded_table import Table
 from acqd.cli.options import Json
 from acqd.cli.terminal import terminal
 

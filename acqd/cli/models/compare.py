@@ -7,8 +7,8 @@ from typing import Annotated
 
 import orjson
 import typer
-from rich.table import Table
 
+from acqd.cli.folded_table import Table
 from acqd.cli.options import Json
 from acqd.cli.progress import progress
 from acqd.cli.terminal import terminal

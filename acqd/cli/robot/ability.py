@@ -8,8 +8,8 @@ from typing import Annotated
 import orjson
 import typer
 from rich.console import Console
-from rich.table import Table
 
+from acqd.cli.folded_table import Table
 from acqd.cli.options import Json
 from acqd.cli.progress import progress
 from acqd.cli.terminal import terminal
@@ -46,7 +46,6 @@ def ability(
     header, *rows = table_of(planned.ability)
     table = Table(*header)
     table.columns[0].no_wrap, table.columns[0].min_width = True, max(len(row[0]) for row in [header, *rows])
-    table.columns[-1].overflow = "fold"
     for row in rows:
         table.add_row(*row)
     console.print(f"{planned.minutes:.1f} min of the motion of {planned.motion}; told from nothing in 95 %")

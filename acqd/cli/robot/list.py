@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import orjson
-from rich.table import Table
 
+from acqd.cli.folded_table import Table
 from acqd.cli.options import Json
 from acqd.cli.terminal import terminal
 from acqd.robot.description import RobotDescription, load_description, shipped_descriptions

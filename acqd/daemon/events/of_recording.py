@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
+import numpy as np
 from pydantic import ValidationError
 
 from acqd.daemon.events.section import EventsSection, Watched
 from acqd.errors import UserError, in_our_words
+from acqd.metering import WindowBatch
 from acqd.metering.block import SampleBlock, StreamFormat
 from acqd.metering.quality.event import Event
 from acqd.telemetry.event import event_lines, message_of
+from acqd.telemetry.row import CHANNELS
 
 _KEYS = ("dip", "swell", "interruption", "hysteresis", "rapid_change", "transient")
 
@@ -48,6 +52,30 @@ def event_settings(
         key = ".".join(map(str, fault["loc"])).replace("_", "-")
         raise UserError(f"--{key or 'thresholds'}: {in_our_words(fault['msg'])}") from None
     return EventSettings(out, section)
+
+
+_SUPPLY = (0.85, 1.15)
+"""EN 50160, 4.2.2: means of 10 minutes stay within -15 and +10 % of the declared voltage."""
+
+
+def doubt_of_voltage(path: Path, section: EventsSection, batch: WindowBatch) -> list[str]:
+    """A hint where no window of a phase has about the declared voltage: then that is probably not what was declared.
+
+    A recording that begins or ends outside of a fault has such windows; phases without a voltage are not judged.
+    """
+    declared = section.declared_voltage
+    if declared is None or section.sliding_reference:
+        return []
+    usual = declared / math.sqrt(3) if section.line_to_line else declared
+    for phase, volts in enumerate(batch.Vrms):
+        share = volts[volts > usual * section.interruption / 100] / usual
+        if len(share) and not np.any((share >= _SUPPLY[0]) & (share <= _SUPPLY[1])):
+            typical = float(np.median(share))
+            return [
+                f"{path}: no window of {CHANNELS[phase]} has about the declared voltage: usually {usual * typical:.4g} "
+                f"V, {typical:.0%} of {usual:.4g} V; is --declared-voltage {declared:g} right?"
+            ]
+    return []
 
 
 class EventWriter:

@@ -150,9 +150,9 @@ RUNBOOK = (
     ),
     _entry(
         "power-cut",
-        "`N power cuts before this start ...`, `W of ... began at ...`",
+        "`N power cuts or restored backups before this start ...`, `W of ... began at ...`",
         "`acqd sink completeness`; rows flagged `W_unconfirmed`: W may be behind; then `acqd status --acknowledge`",
-        r"power cuts before this start|^W.* began at .* kWh",
+        r"restored backups? before this start|^W.* began at .* kWh",
     ),
     _entry(
         "left-behind",

@@ -51,7 +51,8 @@ def verdict(snapshot: Snapshot) -> Verdict:
     problems += _away("broker", snapshot.broker) + _away("database", snapshot.database)
     if snapshot.delivery is not None:
         problems += _delivery_problems(snapshot.delivery)
-        _counted(snapshot.delivery.dropped, seen.dropped, "messages were dropped since the start", problems, notes)
+        dropped = f"{_of(snapshot.delivery.dropped, 'message was', 'messages were')} dropped since the start"
+        _counted(snapshot.delivery.dropped, seen.dropped, dropped, problems, notes)
         _lost_at_once(snapshot.delivery, seen, problems, notes)
     problems += [f"energy register: {snapshot.register_trouble}"] if snapshot.register_trouble else []
     if snapshot.archive is not None:
@@ -62,9 +63,11 @@ def verdict(snapshot: Snapshot) -> Verdict:
     problems += _sink_problems(snapshot)
     problems += [snapshot.certificate_trouble] if snapshot.certificate_trouble else []
     late = f", {snapshot.impossible} of them rows whose time cannot be true: is a device's clock wrong?"
-    waiting = f"messages are in quarantine{late if snapshot.impossible else ''}"
+    waiting = _of(snapshot.quarantined or 0, "message is", "messages are")
+    waiting += f" in quarantine{late if snapshot.impossible else ''}"
     _counted(snapshot.quarantined or 0, seen.quarantined, waiting, problems, notes)
-    _counted(snapshot.recalls, seen.recalls, "times the database was found in an earlier state", problems, notes)
+    recalls = f"{_of(snapshot.recalls, 'time', 'times')} the database was found in an earlier state"
+    _counted(snapshot.recalls, seen.recalls, recalls, problems, notes)
     return Verdict(snapshot.alive, problems, notes)
 
 
@@ -97,18 +100,26 @@ def _times(count: int) -> str:
     return "once" if count == 1 else f"{count} times"
 
 
-def _counted(count: int, seen: int, what: str, problems: list[str], notes: list[str]) -> None:
+def _of(count: int, one: str, many: str) -> str:
+    return f"{count} {one if count == 1 else many}"
+
+
+def _counted(count: int, seen: int, said: str, problems: list[str], notes: list[str]) -> None:
     """A problem until a person has acknowledged it (`acqd status --acknowledge`), a note from then on."""
     if count:
-        (problems if count > seen else notes).append(f"{count} {what}")
+        (problems if count > seen else notes).append(said)
 
 
 def _lost_at_once(delivery: Delivery, seen: Acknowledged, problems: list[str], notes: list[str]) -> None:
     """Power cuts and deleted files, which are over at once: until a person has seen them."""
-    deleted = "times somebody deleted files of the spool: they were written again, and older ones may be missing"
+    deleted = (
+        f"{_of(delivery.deleted, 'time', 'times')} somebody deleted files of the spool: "
+        "they were written again, and older ones may be missing"
+    )
     _counted(delivery.deleted, seen.deleted, deleted, problems, notes)
     unconfirmed = (
-        "power cuts before this start after which no sink has said which rows it has: W may be up to a second behind"
+        f"{_of(delivery.cuts_unconfirmed, 'power cut or restored backup', 'power cuts or restored backups')} "
+        "before this start, and no sink has said which rows it has: W may be up to a second behind"
     )
     _counted(delivery.cuts_unconfirmed, seen.cuts, unconfirmed, problems, notes)
     if delivery.alone_s > ALONE_S and delivery.waiting:

@@ -51,7 +51,7 @@ class JointLevel:
             where = f": {joints}" if joints else ""
             return (
                 f"{source} show a mechanical change{where}; of the effects of the library, {self.explains} explains it "
-                f"best (evidence {self.evidence:.0f}){self._left_out()}"
+                f"best{self._left_out()}"
             )
         left_out = self._left_out()
         if joints:

@@ -50,7 +50,7 @@ def run_campaign(config: CampaignConfig, progress: Progress) -> CampaignReport:
     plans = plan_sessions(settings)
     _check(folders, settings, plans)
     progress("preparing", 0.0)
-    prepared = _prepare(settings, folders)  # before anything is written, so that bad input leaves no files
+    prepared = _prepare(settings, folders, progress)  # before anything is written, so that bad input leaves no files
     with claimed(folders, settings):
         return _run(config, folders, plans, prepared, progress)
 
@@ -68,7 +68,7 @@ def _check(folders: Folders, settings: CampaignSettings, plans: list[SessionPlan
         )
 
 
-def _prepare(settings: CampaignSettings, folders: Folders) -> TrajectorySet | None:
+def _prepare(settings: CampaignSettings, folders: Folders, progress: Progress) -> TrajectorySet | None:
     """Draw source trajectories that do not exist yet; for assemblies, plan one to prove that the robot can do it."""
     cell = build_cell(settings)
     if settings.profile == "use-case":
@@ -80,6 +80,7 @@ def _prepare(settings: CampaignSettings, folders: Folders) -> TrajectorySet | No
         cell,
         limited=min(settings.limited, settings.limited_sources),
         all_space=min(settings.all_space, settings.all_space_sources),
+        progress=lambda share: progress("drawing trajectories", share),
     )
 
 

@@ -28,7 +28,7 @@ def campaign_report(
     figure = _distribution(by_space)
     page.figure(figure, "Distribution of the metered power of all recordings.", folder / "power_distribution.png")
     page.heading("Spaces")
-    header = ["space", "recordings", "hours", "mean P [W]", "99th percentile [W]", "maximum [W]"]
+    header = ["space", "recordings", "recorded", "mean P [W]", "99th percentile [W]", "maximum [W]"]
     page.table(header, [_row(name, figures) for name, figures in spaces.items()])
     for space, recordings in by_space.items():
         page.heading(f"A recording in {space} space")
@@ -58,7 +58,7 @@ def _verdict(spaces: dict[str, dict[str, float]]) -> Verdict:
 
 def _row(name: str, figures: dict[str, float]) -> list[object]:
     powers = (f"{figures[key]:.1f}" for key in ("mean_W", "p99_W", "max_W"))
-    return [name, int(figures["recordings"]), figures["hours"], *powers]
+    return [name, int(figures["recordings"]), duration(3600 * figures["hours"]), *powers]
 
 
 def _distribution(by_space: dict[str, dict[str, Floats]]) -> Figure:

@@ -64,11 +64,12 @@ for (const table of document.querySelectorAll("table[data-sortable]")) {
   });
   const label = Object.assign(document.createElement("label"), { className: "filter", textContent: "Show rows with " });
   const input = label.appendChild(Object.assign(document.createElement("input"), { type: "search" }));
-  const count = label.appendChild(Object.assign(document.createElement("output"), { textContent: ` ${rows.length} rows` }));
+  const said = (number) => ` ${number} row${number === 1 ? "" : "s"}`;
+  const count = label.appendChild(Object.assign(document.createElement("output"), { textContent: said(rows.length) }));
   input.oninput = () => {
     const word = input.value.trim().toLowerCase();
     rows.forEach((row) => { row.hidden = !row.textContent.toLowerCase().includes(word); });
-    count.textContent = ` ${rows.filter((row) => !row.hidden).length} rows`;
+    count.textContent = said(rows.filter((row) => !row.hidden).length);
   };
   table.parentNode.before(label);
 }

@@ -2,6 +2,7 @@
 {
   const KINDS = { waveform: "waveform", power: "power", log: "log", part: "part", unknown: "not read", "": "waiting" };
   const LOOK_MS = 1000;
+  const span = (s) => s < 120 ? `${s.toFixed(0)} s` : s < 7200 ? `${(s / 60).toFixed(0)} min` : `${(s / 3600).toFixed(1)} h`;
   $("health-section").insertAdjacentHTML("beforebegin", `<section aria-labelledby="files" id="files-section" hidden><h2 id="files">Your files</h2>
     <div class="controls drop"><label>Waveforms, logs of the robot, rows of power: drop them on the page, or choose <input type="file" multiple id="files-input"></label><button type="button" id="files-cancel" hidden>Cancel</button></div>
     <p class="note" id="files-note" role="status"></p><p class="note" id="files-seconds"></p><progress id="files-progress" max="1" value="0" aria-label="Progress of the files" hidden></progress>
@@ -20,12 +21,12 @@
     if (!sending) $("files-progress").value = state.share ?? 0;
     const words = {
       idle: "", receiving: "", running: state.step,
-      done: `Done in ${(state.ended - state.begun).toFixed(0)} s. The files were not kept.${state.removed ? ` Oldest results removed: ${state.removed} ([web] files_kept, files_kept_MB).` : ""}`,
+      done: `Done in ${span(state.ended - state.begun)}. The files were not kept.${state.removed ? ` Oldest results removed: ${state.removed} ([web] files_kept, files_kept_MB).` : ""}`,
       failed: `Nothing came of it: ${state.error}`, cancelled: "Cancelled; nothing was kept.",
     };
     if (!sending) put($("files-note"), words[state.state]);
     // outside of the status, which would be read aloud every second
-    $("files-seconds").textContent = state.state === "running" ? `${(Date.now() / 1000 - state.begun).toFixed(0)} s so far` : "";
+    $("files-seconds").textContent = state.state === "running" ? `${span(Date.now() / 1000 - state.begun)} so far` : "";
     $("files-note").className = state.state === "failed" ? "note bad" : "note";
     const body = $("files-table").tBodies[0];
     $("files-table").parentNode.hidden = !state.files?.length;

@@ -252,7 +252,7 @@ function state() {
     const anchor = bad && !broker ? "broker-away" : bad ? "no-answer" : silent && main ? "no-rows" : "";
     if (anchor) $("state").append(" ", Object.assign(document.createElement("a"), { href: `/runbook#${anchor}`, textContent: "what to do" }));
   }
-  if (kind === "fine") put($("delay"), `The newest row is ${Math.round(lag)} ms old (a row is 40 ms long and is made when it ends).`);
+  if (kind === "fine") put($("delay"), `The newest row is ${lag < 1000 ? `${Math.round(lag)} ms` : `${(lag / 1000).toFixed(1)} s`} old (a row is 40 ms long and is made when it ends).`);
 }
 
 for (const [name, seconds] of RANGES) {
