@@ -99,7 +99,7 @@ def sink(
     end = time.monotonic() + duration if duration else None
     if embedded:
         print("ready", flush=True)
-    upkeep = Upkeep(engine, settings.sink.retention(), _costs(settings))
+    upkeep = Upkeep(engine, settings.sink.retention(), _costs(settings), worker.refusals)
     health = SinkHealth(settings.health, worker, options.client_id, upkeep, settings.mqtt.certificates)
     health.start()
     upkeep.start()

@@ -56,6 +56,8 @@ class Which:
     ids: Sequence[int] = ()
     device: str | None = None
     reason: str | None = None
+    begins: str | None = None
+    """With which the reason begins."""
 
     def condition(self) -> sa.ColumnElement[bool]:
         """For a query."""
@@ -67,6 +69,8 @@ class Which:
             wanted.append(c.topic.startswith(f"acqd/{self.device}/", autoescape=True))
         if self.reason is not None:
             wanted.append(c.reason.contains(self.reason, autoescape=True))
+        if self.begins is not None:
+            wanted.append(c.reason.startswith(self.begins, autoescape=True))
         return sa.and_(*wanted)
 
 
@@ -97,13 +101,16 @@ def entries(engine: sa.Engine, which: Which, limit: int | None = None) -> list[E
         return list(_entries(connection, which, 0, limit))
 
 
-def restore(engine: sa.Engine, which: Which) -> Restored:
-    """Put rows where they belong, exactly as they came; a second time changes nothing."""
+def restore(engine: sa.Engine, which: Which, *, until_refused: bool = False) -> Restored:
+    """Put rows where they belong, exactly as they came; a second time changes nothing.
+
+    With `until_refused`, the rest has to wait once the database refuses some.
+    """
     done, after, sieve = Restored(), 0, Sieve(partial(transaction, engine))
     while True:
         with engine.connect() as connection:
             some = list(_entries(connection, which, after, _AT_ONCE))
-        if not some:
+        if not some or (until_refused and done.refused):
             return done
         after = some[-1].id
         _restore(sieve, _rows(some, done), done)
