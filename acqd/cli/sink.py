@@ -64,6 +64,7 @@ def sink(
     from acqd.storage.away import DatabaseAwayError
     from acqd.storage.clock_witness import ClockWitness
     from acqd.storage.database import engine_for, file_of, prepare
+    from acqd.storage.database_witness import DatabaseWitness
     from acqd.storage.sink import Sink
     from acqd.storage.upkeep import Upkeep
 
@@ -86,7 +87,12 @@ def sink(
     if group is not None:
         options = replace(options, group=group)
     worker = Sink(
-        settings.mqtt.address(), engine, options, prepared=prepared, witness=ClockWitness(kernel_synchronised)
+        settings.mqtt.address(),
+        engine,
+        options,
+        prepared=prepared,
+        witness=ClockWitness(kernel_synchronised),
+        memory=DatabaseWitness(settings.state_dir, options.client_id),
     )
     stopping = False
 

@@ -22,6 +22,7 @@ from acqd.changes import Repeats
 from acqd.retry import LOCAL_NETWORK, Backoff
 from acqd.storage.clock_witness import ClockWitness
 from acqd.storage.committer import Batch, Committer
+from acqd.storage.database_witness import DatabaseWitness
 from acqd.storage.refusals import Refusals
 from acqd.storage.sink_hello import hello
 from acqd.storage.sink_settings import SinkCounters, SinkSettings
@@ -61,12 +62,13 @@ class Sink:
         *,
         prepared: bool = True,
         witness: ClockWitness | None = None,
+        memory: DatabaseWitness | None = None,
     ) -> None:
         """Without `prepared`, the database is away, and opened when it comes."""
         self._address, self._engine, self._prepared = address, engine, prepared
         self._settings = settings or SinkSettings()
         address.tls_context()  # files that cannot be used are an error of the start
-        self._writer = Writer(engine, self._settings.malformed_bytes_per_day, self._settings.client_id, witness)
+        self._writer = Writer(engine, self._settings.malformed_bytes_per_day, self._settings.client_id, witness, memory)
         self._quarantining = Repeats(_log)
         self._version = V5 if self._settings.mqtt5 else V311
         self._unanswered = 0

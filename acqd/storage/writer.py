@@ -17,6 +17,7 @@ from acqd.storage import boot_watch, events, keyed_rows, last_rows, quarantining
 from acqd.storage.allowance import MALFORMED_BYTES_PER_DAY, Allowance
 from acqd.storage.boot_watch import BootWatch
 from acqd.storage.clock_witness import FLAG, IMPOSSIBLE, ClockWitness
+from acqd.storage.database_witness import DatabaseWitness
 from acqd.storage.guard import Guard
 from acqd.storage.receipted import note, note_refused
 from acqd.storage.received import Message, Refused, Row, Sorted, by_stream, sort
@@ -63,13 +64,14 @@ class Writer:
         malformed_bytes_per_day: float = MALFORMED_BYTES_PER_DAY,
         client_id: str = "acqd-sink",
         witness: ClockWitness | None = None,
+        memory: DatabaseWitness | None = None,
     ) -> None:
         """Malformed messages beyond this size are not kept, and not receipted; rows are always kept."""
         self._engine = engine
         self._allowance = Allowance(malformed_bytes_per_day)
         self.witness = witness or ClockWitness()
         self.boots = BootWatch()
-        self.guard = Guard(engine, client_id, self.witness)
+        self.guard = Guard(engine, client_id, self.witness, memory)
         self.refusals = Refusals(malformed_bytes_per_day)
         self._rows, self._events = Sieve(self.guard.transaction), Sieve(self.guard.transaction)
         self._full = False
