@@ -98,9 +98,9 @@ def refusal_of(error: Exception) -> Refusal | None:
 class Sieve:
     """Stores batches; remembers which rows were refused last, and for which errors others were not."""
 
-    def __init__(self, begin: Begin) -> None:
-        """`begin` begins a transaction."""
-        self._begin = begin
+    def __init__(self, begin: Begin, *, alone: bool = True) -> None:
+        """`begin` begins a transaction. Not `alone`: what follows shows whether the database takes anything."""
+        self._begin, self._alone = begin, alone
         self._suspects: set[Hashable] = set()
         self._of_some: set[str] = set()
 
@@ -142,7 +142,7 @@ class Sieve:
         of_table = {why.code for why in sifted.refused.values() if why.of == "table"}
         if sifted.taken:
             self._of_some |= of_table
-        elif first is not None and not of_table <= self._of_some:
+        elif self._alone and first is not None and not of_table <= self._of_some:
             raise first
         try:
             with begin() as connection:

@@ -73,7 +73,7 @@ class Writer:
         self.boots = BootWatch()
         self.guard = Guard(engine, client_id, self.witness, memory)
         self.refusals = Refusals(malformed_bytes_per_day)
-        self._rows, self._events = Sieve(self.guard.transaction), Sieve(self.guard.transaction)
+        self._rows, self._events = Sieve(self.guard.transaction), Sieve(self.guard.transaction, alone=False)
         self._full = False
 
     def write(self, messages: Sequence[Message]) -> Written:
