@@ -70,6 +70,7 @@ def sink(
     from acqd.storage.away import DatabaseAwayError
     from acqd.storage.clock_witness import ClockWitness
     from acqd.storage.database import engine_for, file_of, prepare
+    from acqd.storage.database_witness import DatabaseWitness
     from acqd.storage.sink import Sink
     from acqd.storage.upkeep import Upkeep
 
@@ -92,7 +93,12 @@ def sink(
     if group is not None:
         options = replace(options, group=group)
     worker = Sink(
-        settings.mqtt.address(), engine, options, prepared=prepared, witness=ClockWitness(kernel_synchronised)
+        settings.mqtt.address(),
+        engine,
+        options,
+        prepared=prepared,
+        witness=ClockWitness(kernel_synchronised),
+        memory=DatabaseWitness(settings.state_dir, options.client_id),
     )
     stopping = False
 
@@ -105,7 +111,7 @@ def sink(
     end = time.monotonic() + duration if duration else None
     if embedded:
         print("ready", flush=True)
-    upkeep = Upkeep(engine, settings.sink.retention(), _costs(settings))
+    upkeep = Upkeep(engine, settings.sink.retention(), _costs(settings), worker.refusals)
     health = SinkHealth(settings.health, worker, options.client_id, upkeep, settings.mqtt.certificates)
     health.start()
     upkeep.start()

@@ -14,6 +14,7 @@ from acqd.cli.table import power_table
 from acqd.telemetry import topics
 
 _QUIET_S = 3.0
+_VALUES = ("Vrms", "Irms", "P", "S", "PF", "f", "W")
 
 
 class Watched:
@@ -41,14 +42,18 @@ class Watched:
 
     def take(self, topic: str, payload: bytes) -> bool:
         """Take a message; False for one that is not acqd's."""
+        from acqd.integrations.plain import summary_of  # here: slow to import, and the first table is waited for
+
         device = topic.split("/")[1]
         try:
             if topic == topics.status(device):
                 self._health[device] = _health(payload)
             elif topic.endswith("/prediction/live"):
                 self._predicted[device] = f"predicted {float(orjson.loads(payload)['P_predicted']):.1f} W"
-            elif topic.endswith("/summary"):
-                self._summary(orjson.loads(payload))
+            elif (summary := summary_of(topic, payload)) is not None:
+                values = {name: summary.get(name) for name in _VALUES}  # a stranger's need not have them all
+                numbers = {name: None if value is None else float(value) for name, value in values.items()}
+                self._summary(summary | numbers | {"flags": summary.get("flags") or []})
             else:
                 return False
         except (orjson.JSONDecodeError, KeyError, TypeError, ValueError):
@@ -90,4 +95,6 @@ def _health(payload: bytes) -> str:
     if payload == topics.OFFLINE:
         return "offline"
     status = orjson.loads(payload)
+    if not isinstance(status, dict):
+        raise TypeError("no status")
     return str(status.get("health") or status.get("state") or "online")

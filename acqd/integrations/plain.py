@@ -92,8 +92,10 @@ def summary_of(topic: str, payload: bytes) -> dict[str, Any] | None:
     """The summary in a message; None for other messages and topics."""
     try:
         summary = orjson.loads(payload)
-        right = topic == topics.summary(str(summary["device"]), str(summary["channel"]))
+        device, channel, flags = summary["device"], summary["channel"], summary.get("flags") or []
+        right = {type(device), type(channel)} == {str} and topic == topics.summary(device, channel)
     except (orjson.JSONDecodeError, KeyError, TypeError):
         return None
     numbers = right and all(isinstance(summary.get(each.key), (int, float, type(None))) for each in SUMMARY)
-    return summary if numbers else None
+    words = isinstance(flags, list) and all(isinstance(flag, str) for flag in flags)
+    return summary if numbers and words else None

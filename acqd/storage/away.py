@@ -17,7 +17,11 @@ class DatabaseAwayError(UserError):
         self.reason = reason
 
 
-def left_out(connection: sa.Connection, rows: int | None = None) -> DatabaseAwayError:
+class LeftOutError(DatabaseAwayError):
+    """The database reports success and has not taken all rows."""
+
+
+def left_out(connection: sa.Connection, rows: int | None = None) -> LeftOutError:
     """What to raise where the database reports success and has not taken all rows: they get no receipt.
 
     `rows`: how many; None where nobody knows.
@@ -25,4 +29,4 @@ def left_out(connection: sa.Connection, rows: int | None = None) -> DatabaseAway
     number = "" if rows is None else f" ({rows})"
     text = f"{shown(connection.engine.url)}: it leaves out rows{number} without an error"
     text += ": does a trigger, a rule or a policy of the table drop them?"
-    return DatabaseAwayError(f"database {text}", text)
+    return LeftOutError(f"database {text}", text)

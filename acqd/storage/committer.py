@@ -116,6 +116,8 @@ class Committer:
         except Exception as error:
             self._failure = error
             os.eventfd_write(self.readable, 1)
+        finally:
+            self._writer.guard.close()
 
     def _prepare(self) -> bool:
         prepare(self._engine)

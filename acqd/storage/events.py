@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import asdict, replace
 from datetime import datetime
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 import sqlalchemy as sa
 from sqlalchemy.dialects import postgresql, sqlite
@@ -34,39 +33,21 @@ class Message(Protocol):
         """What."""
 
 
-@dataclass(frozen=True, slots=True)
-class StoredEvents:
-    """What became of messages."""
-
-    events: list[PowerEvent] = field(default_factory=list)
-    """Those that are stored, or were before."""
-    refused: list[tuple[int, str]] = field(default_factory=list)
-    """Positions of the others, with the reasons."""
+_Message = TypeVar("_Message", bound=Message)
 
 
-def store(
-    begin: Callable[[], AbstractContextManager[sa.Connection]], messages: Sequence[Message], witness: ClockWitness
-) -> StoredEvents:
-    """Commit the events in `messages` in the transaction that `begin` begins.
-
-    Raises sqlalchemy.exc.DBAPIError while the database cannot.
-    """
-    found: list[tuple[int, PowerEvent]] = []
-    stored = StoredEvents()
-    for k, message in enumerate(messages):
+def judged(
+    messages: Sequence[_Message], witness: ClockWitness
+) -> tuple[list[tuple[_Message, PowerEvent]], list[tuple[_Message, str]]]:
+    """The events in messages, flagged where their time is in doubt; the other messages, with the reasons."""
+    found: list[tuple[_Message, PowerEvent]] = []
+    refused: list[tuple[_Message, str]] = []
+    for message in messages:
         try:
-            found.append((k, _checked(message, witness)))
+            found.append((message, _checked(message, witness)))
         except ValueError as error:
-            stored.refused.append((k, str(error)))
-    if found:
-        with begin() as connection:
-            differing = insert(connection, [event for _, event in found])
-        for k, event in found:
-            if event in differing:
-                stored.refused.append((k, CONFLICT))
-            else:
-                stored.events.append(event)
-    return stored
+            refused.append((message, str(error)))
+    return found, refused
 
 
 def insert(connection: sa.Connection, events: Sequence[PowerEvent]) -> list[PowerEvent]:

@@ -19,6 +19,7 @@ from acqd.storage import state
 from acqd.storage.away import DatabaseAwayError
 from acqd.storage.clock_witness import ClockWitness
 from acqd.storage.database import file_of, transaction
+from acqd.storage.database_witness import DatabaseWitness
 from acqd.storage.url import shown
 
 _log = logging.getLogger(__name__)
@@ -27,7 +28,11 @@ _log = logging.getLogger(__name__)
 class Guard:
     """Of the transactions of one sink; for one thread."""
 
-    def __init__(self, engine: sa.Engine, client_id: str, witness: ClockWitness) -> None:
+    def __init__(
+        self, engine: sa.Engine, client_id: str, witness: ClockWitness, memory: DatabaseWitness | None = None
+    ) -> None:
+        """`memory`: what earlier starts of the sink know."""
+        self._memory = memory or DatabaseWitness(None, client_id)
         self._engine, self._key, self._witness = engine, state.commits(client_id), witness
         self._identity: str | None = None
         self._number = 0
@@ -56,6 +61,12 @@ class Guard:
             state.write_mark(connection, self._key, self._witness.mark(number))
             yield connection
         self._number = number
+        if self._identity is not None:
+            self._memory.committed(self._identity, number)
+
+    def close(self) -> None:
+        """Remember how far the database is."""
+        self._memory.write()
 
     def _check_file(self) -> None:
         """Before anything connects: SQLite would make a file where none is."""
@@ -111,8 +122,8 @@ class Guard:
             ) from None
         if self._identity is None:
             self._identity = identity
-            self._number = mark.number if mark is not None else 0
-            if mark is None and not state.has_commits(connection):  # new, or what a server has failed over to
+            self._number = max(mark.number if mark is not None else 0, self._memory.number(str(identity)))
+            if not self._number and not state.has_commits(connection):  # new, or what a server has failed over to
                 self.recall += 1
             self._witness.remember(mark)
             self._witness.look()

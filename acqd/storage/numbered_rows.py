@@ -52,13 +52,20 @@ def insert(connection: sa.Connection, rows: Sequence[PowerRow]) -> list[int]:
         if _insert_new(connection, values) == len(rows):
             return []
     except sa.exc.IntegrityError:  # a key is there already; rows before it are inserted, and equal to themselves
-        pass
+        if not under_way(connection):
+            raise
     each = _cut(values, _COLUMNS)
     connection.exec_driver_sql(f"INSERT INTO power_row VALUES {_PLACES} ON CONFLICT DO NOTHING", each)
     stored = {number: rest for number, *rest in _stored(connection, {one[0] for one in each})}
     if missing := sum(one[0] not in stored for one in each):
         raise left_out(connection, missing)
     return [k for k, one in enumerate(each) if stored[one[0]] != [*one[1:], odd.get(k)]]
+
+
+def under_way(connection: sa.Connection) -> bool:
+    """Whether the transaction is: a trigger can end it with an error, and what follows would be stored alone."""
+    opened: Any = connection.connection.dbapi_connection
+    return bool(opened.in_transaction)
 
 
 def stored_row(connection: sa.Connection, row: PowerRow) -> dict[str, Any]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, TypeAlias
 
 import orjson
@@ -15,6 +16,7 @@ from acqd.storage.database import transaction
 from acqd.storage.keyed_rows import KeyedRow
 from acqd.storage.received import Received, message_row
 from acqd.storage.schema import quarantine
+from acqd.storage.sifting import Piece, Sieve, Sifted
 from acqd.telemetry.event import PowerEvent
 from acqd.telemetry.row import PowerRow
 
@@ -54,6 +56,8 @@ class Which:
     ids: Sequence[int] = ()
     device: str | None = None
     reason: str | None = None
+    begins: str | None = None
+    """With which the reason begins."""
 
     def condition(self) -> sa.ColumnElement[bool]:
         """For a query."""
@@ -65,6 +69,8 @@ class Which:
             wanted.append(c.topic.startswith(f"acqd/{self.device}/", autoescape=True))
         if self.reason is not None:
             wanted.append(c.reason.contains(self.reason, autoescape=True))
+        if self.begins is not None:
+            wanted.append(c.reason.startswith(self.begins, autoescape=True))
         return sa.and_(*wanted)
 
 
@@ -78,6 +84,8 @@ class Restored:
     """Rows whose key is taken by other values; they stay."""
     unusable: int = 0
     """Messages that are no rows; they stay."""
+    refused: int = 0
+    """Rows that a changed table refuses; they stay."""
 
 
 def count(engine: sa.Engine, which: Which) -> int:
@@ -93,19 +101,19 @@ def entries(engine: sa.Engine, which: Which, limit: int | None = None) -> list[E
         return list(_entries(connection, which, 0, limit))
 
 
-def restore(engine: sa.Engine, which: Which) -> Restored:
-    """Put rows where they belong, exactly as they came; a second time changes nothing."""
-    done, after = Restored(), 0
+def restore(engine: sa.Engine, which: Which, *, until_refused: bool = False) -> Restored:
+    """Put rows where they belong, exactly as they came; a second time changes nothing.
+
+    With `until_refused`, the rest has to wait once the database refuses some.
+    """
+    done, after, sieve = Restored(), 0, Sieve(partial(transaction, engine))
     while True:
-        with transaction(engine) as connection:
+        with engine.connect() as connection:
             some = list(_entries(connection, which, after, _AT_ONCE))
-            if not some:
-                return done
-            after = some[-1].id
-            settled = _insert(connection, some, done)
-            if settled:
-                connection.execute(sa.delete(quarantine).where(quarantine.c.id.in_(settled)))
-                done.restored += len(settled)
+        if not some or (until_refused and done.refused):
+            return done
+        after = some[-1].id
+        _restore(sieve, _rows(some, done), done)
 
 
 def drop(engine: sa.Engine, which: Which) -> int:
@@ -129,14 +137,39 @@ def _entries(connection: sa.Connection, which: Which, after: int, limit: int | N
         yield Entry(int(number), text, topic, reason, bytes(payload))
 
 
-def _insert(connection: sa.Connection, some: Sequence[Entry], done: Restored) -> list[int]:
-    """Insert what are rows; numbers of the entries whose rows are stored now."""
+def _rows(some: Sequence[Entry], done: Restored) -> list[tuple[int, _Row | PowerEvent]]:
+    """Those that are rows, with the numbers of their entries."""
     found: list[tuple[int, _Row | PowerEvent]] = []
     for entry in some:
         try:
             found.append((entry.id, message_row(Received(entry.topic, entry.payload))))
         except ValueError:
             done.unusable += 1
+    return found
+
+
+def _restore(sieve: Sieve, found: Sequence[tuple[int, _Row | PowerEvent]], done: Restored) -> None:
+    """Insert rows; entries whose rows are stored then leave the quarantine in the same transaction."""
+
+    def insert(connection: sa.Connection, piece: Piece) -> list[int]:
+        taken = _insert(connection, [found[k] for k in piece])
+        return [k for k in piece if found[k][0] in taken]
+
+    def finish(connection: sa.Connection, sifted: Sifted) -> None:
+        stay = {*sifted.differing, *sifted.refused}
+        settled = [number for k, (number, _) in enumerate(found) if k not in stay]
+        if settled:
+            connection.execute(sa.delete(quarantine).where(quarantine.c.id.in_(settled)))
+
+    sifted = sieve.store(len(found), lambda k: (type(found[k][1]).__name__, found[k][1].device), insert, finish)
+    done.conflicts += len(sifted.differing)
+    done.refused += len(sifted.refused)
+    if not sifted.unfinished:
+        done.restored += sifted.taken - len(sifted.differing)
+
+
+def _insert(connection: sa.Connection, found: Sequence[tuple[int, _Row | PowerEvent]]) -> set[int]:
+    """Insert rows; numbers of the entries whose keys are taken by other values."""
     taken: set[int] = set()
     power = [(number, row) for number, row in found if isinstance(row, PowerRow)]
     if power:
@@ -148,5 +181,4 @@ def _insert(connection: sa.Connection, some: Sequence[Entry], done: Restored) ->
     if occurred:
         ended = events.insert(connection, [event for _, event in occurred])
         taken |= {number for number, event in occurred if event in ended}
-    done.conflicts += len(taken)
-    return [number for number, _ in found if number not in taken]
+    return taken

@@ -28,8 +28,8 @@ class _Message(Protocol):
     def payload(self) -> bytes: ...
 
 
-def insert(connection: sa.Connection, messages: Sequence[tuple[_Message, str]]) -> None:
-    """Keep messages with their reasons, in the transaction of `connection`.
+def insert(connection: sa.Connection, messages: Sequence[tuple[_Message, str]]) -> list[int]:
+    """Keep messages with their reasons, in the transaction of `connection`; bytes of the payloads of new ones.
 
     Raises the errors of SQLAlchemy; DatabaseAwayError where the database drops messages without an error.
     """
@@ -49,11 +49,12 @@ def insert(connection: sa.Connection, messages: Sequence[tuple[_Message, str]]) 
     known = _known(connection, list(entries))
     new = [entry for digest, entry in entries.items() if digest not in known]
     if not new:
-        return
+        return []
     statement: Any = (postgresql.insert if postgres else sqlite.insert)(quarantine)
     connection.execute(statement.on_conflict_do_nothing(index_elements=["sha256"]), new)
     if missing := len(entries) - len(_known(connection, list(entries))):
         raise left_out(connection, missing)
+    return [len(entry["payload"]) for entry in new]
 
 
 def _known(connection: sa.Connection, digests: Sequence[str]) -> set[str]:

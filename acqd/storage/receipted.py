@@ -26,13 +26,15 @@ def note_refused(receipts: dict[Stream, Ranges], message: Message) -> None:
             seq = message_number(content["number"], ended=content["duration"] is not None)
             content |= {"channel": topics.EVENTS, "seq": seq}
         device, channel, boot, seq = (content[name] for name in ("device", "channel", "boot", "seq"))
+        if {type(device), type(channel), type(boot)} != {str} or type(seq) is not int:
+            return
         stream = channel
         if topics.is_quality(message.topic):
             stream = topics.quality_stream(channel)
         elif topics.is_registers(message.topic):
             stream = topics.register_stream(channel)
         own = message.topic in (topics.row(device, stream), topics.window(device))
-        if own and isinstance(boot, str) and 0 <= seq < 2**63:
-            note(receipts, device, stream, boot, int(seq))
+        if own and 0 <= seq < 2**63:
+            note(receipts, device, stream, boot, seq)
     except (ValueError, TypeError, KeyError):
         return

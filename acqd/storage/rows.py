@@ -72,7 +72,8 @@ def _postgres(connection: sa.Connection, rows: list[PowerRow]) -> list[int]:
     except connection.dialect.loaded_dbapi.errors.UniqueViolation:
         pass
     connection.exec_driver_sql(
-        "CREATE TEMP TABLE IF NOT EXISTS arriving (number integer, LIKE power) ON COMMIT DELETE ROWS"
+        "CREATE TEMP TABLE IF NOT EXISTS arriving (number integer, LIKE power) ON COMMIT DELETE ROWS;"
+        "DELETE FROM arriving"  # rows of an earlier part of this transaction
     )
     _copy(connection, "arriving", f"number, {_QUOTED}", [(k, *one) for k, one in enumerate(values)])
     connection.exec_driver_sql(_MOVE)

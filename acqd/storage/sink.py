@@ -22,6 +22,8 @@ from acqd.changes import Repeats
 from acqd.retry import LOCAL_NETWORK, Backoff
 from acqd.storage.clock_witness import ClockWitness
 from acqd.storage.committer import Batch, Committer
+from acqd.storage.database_witness import DatabaseWitness
+from acqd.storage.refusals import Refusals
 from acqd.storage.sink_hello import hello
 from acqd.storage.sink_settings import SinkCounters, SinkSettings
 from acqd.storage.writer import Writer, Written
@@ -60,12 +62,13 @@ class Sink:
         *,
         prepared: bool = True,
         witness: ClockWitness | None = None,
+        memory: DatabaseWitness | None = None,
     ) -> None:
         """Without `prepared`, the database is away, and opened when it comes."""
         self._address, self._engine, self._prepared = address, engine, prepared
         self._settings = settings or SinkSettings()
         address.tls_context()  # files that cannot be used are an error of the start
-        self._writer = Writer(engine, self._settings.malformed_bytes_per_day, self._settings.client_id, witness)
+        self._writer = Writer(engine, self._settings.malformed_bytes_per_day, self._settings.client_id, witness, memory)
         self._quarantining = Repeats(_log)
         self._version = V5 if self._settings.mqtt5 else V311
         self._unanswered = 0
@@ -82,6 +85,11 @@ class Sink:
     def connected(self) -> bool:
         """Whether the broker has taken our subscription (a backlog of rows may come before the acknowledgement)."""
         return self._subscriber is not None and self._subscriber.subscribed
+
+    @property
+    def refusals(self) -> Refusals:
+        """Rows that a changed table refuses."""
+        return self._writer.refusals
 
     def run(self, stop: Callable[[], bool], progress: Callable[[], None] = lambda: None) -> None:
         """Until `stop()`; `progress` is called at least every second. A broker that refuses is tried again.
@@ -219,7 +227,12 @@ class Sink:
         counters.database_trouble, counters.database_returns = committer.trouble, committer.returns
         counters.clock_trouble = self._writer.witness.trouble
         counters.boots_trouble = self._writer.boots.trouble
-        for subject, trouble in (("clock", counters.clock_trouble), ("name", counters.boots_trouble)):
+        counters.refused_trouble = self._writer.refusals.trouble
+        for subject, trouble in (
+            ("clock", counters.clock_trouble),
+            ("name", counters.boots_trouble),
+            ("refused", counters.refused_trouble),
+        ):
             if trouble and subject not in self._said:
                 _log.error("%s", trouble)
             (self._said.add if trouble else self._said.discard)(subject)

@@ -48,6 +48,8 @@ class SinkCounters:
     """What is wrong with this computer's clock; empty while nothing is."""
     boots_trouble: str = ""
     """Which devices have two daemons; empty while none has."""
+    refused_trouble: str = ""
+    """Whose rows a changed table refuses, and why; empty while it takes all."""
     recalls: int = 0
     """Times the database was found in an earlier state, and the daemons were asked to send again."""
     lag_s: float = 0.0

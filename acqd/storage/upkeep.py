@@ -15,6 +15,8 @@ from acqd.errors import UserError
 from acqd.storage.conversion import convert
 from acqd.storage.database import file_of, first_line
 from acqd.storage.maintain import Retention, maintain
+from acqd.storage.quarantined import Which, restore
+from acqd.storage.refusals import REFUSED, Refusals
 from acqd.storage.retention_doubt import doubt, last_run, note_run, rows_past
 from acqd.uptime import moment
 
@@ -29,6 +31,7 @@ _FIRST_S = 600.0
 """A sink that has just started has a backlog to store first."""
 _MOVING = "maintenance: rows of an earlier acqd"
 """A trouble of its own: it is over with the next look, and the rest of the maintenance has its turn much later."""
+_REFUSED = "refused rows"
 _LOOKS = 61
 """The rate at which the disk fills is of the last hour."""
 
@@ -37,15 +40,20 @@ class Upkeep:
     """A thread; other threads read its attributes."""
 
     def __init__(
-        self, engine: sa.Engine, retention: Retention, costs: Callable[[sa.Engine], int] = lambda _: 0
+        self,
+        engine: sa.Engine,
+        retention: Retention,
+        costs: Callable[[sa.Engine], int] = lambda _: 0,
+        refusals: Refusals | None = None,
     ) -> None:
         """`costs` is called at every look, in the thread: it keeps a table of costs up to date."""
+        self._refusals = refusals
         self._engine, self._retention, self._costs = engine, retention, costs
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name="upkeep", daemon=True)
         self._free: deque[tuple[float, int]] = deque(maxlen=_LOOKS)
         self._moved = 0
-        self._troubles = {_MOVING: "", "maintenance": "", "costs": ""}
+        self._troubles = {_MOVING: "", _REFUSED: "", "maintenance": "", "costs": ""}
         self.disk_days: float | None = None
         """Until the disk of an SQLite database is full, at the rate of the last hour; None: unknown, or not filling."""
 
@@ -73,7 +81,8 @@ class Upkeep:
                 self._say(_MOVING, "")
             if moved:
                 pause_s = _BETWEEN_S
-            elif time.monotonic() - begun >= _FIRST_S:
+            self._try(_REFUSED, self._restore_refused)
+            if not moved and time.monotonic() - begun >= _FIRST_S:
                 self._try("maintenance", self.run_if_due)
                 if self._try("costs", lambda: self._costs(self._engine)) is not None:
                     self._say("costs", "")
@@ -106,6 +115,21 @@ class Upkeep:
             _log.info("%d rows of an earlier acqd have been moved", self._moved)
             self._moved = 0
         return moved > 0
+
+    def _restore_refused(self) -> None:
+        """Copies of rows that a changed table refused leave the quarantine when it takes them again."""
+        refusals, path = self._refusals, file_of(self._engine)
+        if refusals is None or not refusals.copies or refusals.trouble or (path is not None and not path.exists()):
+            return
+        refusals.copies = False
+        try:
+            done = restore(self._engine, Which(begins=REFUSED), until_refused=True)
+        except sa.exc.DBAPIError:  # away, which the sink says
+            refusals.copies = True
+            return
+        refusals.copies |= bool(done.refused)
+        if done.restored:
+            _log.info("%d rows that the database had refused left the quarantine: they are stored", done.restored)
 
     def run_if_due(self, now: Callable[[], float] = time.time) -> bool:
         """Make roll-ups and delete what is old, if the last run is more than a day ago; whether that was done.

@@ -17,10 +17,14 @@ from acqd.storage import boot_watch, events, keyed_rows, last_rows, quarantining
 from acqd.storage.allowance import MALFORMED_BYTES_PER_DAY, Allowance
 from acqd.storage.boot_watch import BootWatch
 from acqd.storage.clock_witness import FLAG, IMPOSSIBLE, ClockWitness
+from acqd.storage.database_witness import DatabaseWitness
 from acqd.storage.guard import Guard
 from acqd.storage.receipted import note, note_refused
 from acqd.storage.received import Message, Refused, Row, Sorted, by_stream, sort
+from acqd.storage.refusals import Refusals, Waiting
+from acqd.storage.sifting import Piece, Sieve, Sifted
 from acqd.telemetry import topics
+from acqd.telemetry.event import PowerEvent
 from acqd.telemetry.ranges import Ranges
 from acqd.telemetry.receipts import LastRow
 from acqd.telemetry.register_row import RegisterRow
@@ -29,8 +33,6 @@ from acqd.telemetry.spool import Stream
 
 _log = logging.getLogger(__name__)
 CONFLICT = "another row with this key is stored"
-_OF_A_ROW = ("22003", "22007", "22008", "22021", "22P05")
-"""SQLSTATE: number or time out of range, characters that no column takes (PostgreSQL documentation, appendix A)."""
 
 
 @dataclass(slots=True)
@@ -45,14 +47,12 @@ class Written:
     """Of these, rows whose key is stored with other values."""
     impossible: int = 0
     """Of these, rows whose time cannot be true; they can be restored."""
+    waiting: int = 0
+    """Rows and events that a changed table refuses: they have no receipt."""
     receipts: dict[Stream, Ranges] = field(default_factory=dict)
     """Every row of the batch that need not be sent again."""
     answers: dict[str, list[LastRow]] = field(default_factory=dict)
     """By device, the last rows that are stored now: of devices that have asked."""
-
-
-class _PoisonError(Exception):
-    """The database will never take this batch as it is."""
 
 
 class Writer:
@@ -64,43 +64,57 @@ class Writer:
         malformed_bytes_per_day: float = MALFORMED_BYTES_PER_DAY,
         client_id: str = "acqd-sink",
         witness: ClockWitness | None = None,
+        memory: DatabaseWitness | None = None,
     ) -> None:
         """Malformed messages beyond this size are not kept, and not receipted; rows are always kept."""
         self._engine = engine
         self._allowance = Allowance(malformed_bytes_per_day)
         self.witness = witness or ClockWitness()
         self.boots = BootWatch()
-        self.guard = Guard(engine, client_id, self.witness)
+        self.guard = Guard(engine, client_id, self.witness, memory)
+        self.refusals = Refusals(malformed_bytes_per_day)
+        self._rows, self._events = Sieve(self.guard.transaction), Sieve(self.guard.transaction, alone=False)
         self._full = False
 
     def write(self, messages: Sequence[Message]) -> Written:
-        """Commit all rows of `messages`, or none.
+        """Commit the rows of `messages`.
 
         Raises sqlalchemy.exc.DBAPIError while the database cannot, DatabaseAwayError when it is not the one of the
-        start. Voltage events have a separate transaction; storing one twice changes nothing.
+        start; then none is stored, or they get no receipt. Rows that a changed table refuses alone have no receipt.
+        Voltage events have a separate transaction; storing one twice changes nothing.
         """
         self.guard.open()
         self.witness.look()
         found = sort(messages)
-        stored = events.store(self.guard.transaction, found.events, self.witness)
-        unusable = [*found.refused, *((found.events[k], reason) for k, reason in stored.refused)]
+        try:
+            return self._written(found)
+        except self._engine.dialect.loaded_dbapi.Error as error:  # from COPY, which SQLAlchemy does not see
+            raise sa.exc.DBAPIError("COPY", None, error) from error
+
+    def _written(self, found: Sorted) -> Written:
+        occurred, unusable = events.judged(found.events, self.witness)
+        stored = self._store_events(occurred)
+        unusable = [*found.refused, *unusable, *stored.unusable]
         refused = [one for one in unusable if not one[1].startswith(IMPOSSIBLE)]
         good, origins, impossible = self._judged(found)
         impossible += [one for one in unusable if one[1].startswith(IMPOSSIBLE)]
         streams = by_stream(good)
         self._flag_boots(streams)
         kept = refused[: self._allowance.fitting([_size(message) for message, _ in refused])]
-        try:
-            conflicts, poison = self._store(good, origins, [*kept, *impossible])
-        except self._engine.dialect.loaded_dbapi.Error as error:  # from COPY, which SQLAlchemy does not see
-            raise sa.exc.DBAPIError("COPY", None, error) from error
+        batch = self._store(good, origins, [*kept, *impossible], stored.waiting)
+        sifted, poison = batch.sifted, batch.poison
         self._spend(kept, len(refused))
-        no_rows = conflicts + poison
-        written = Written(len(good) - no_rows, len(refused) + len(impossible) + no_rows, conflicts, len(impossible))
+        conflicts = len(sifted.differing)
+        waiting = len(sifted.refused) - poison + len(stored.waiting)
+        written = Written(
+            sifted.taken - conflicts, len(refused) + len(impossible) + conflicts + poison, conflicts, len(impossible),
+            waiting,
+        )  # fmt: skip
+        unreceipted = {id(good[k]) for k in batch.without_receipt}
         for stream, of in streams.items():
             written.receipts[stream] = Ranges()
-            written.receipts[stream].add_all([row.seq for row in of])
-        for message, _ in [*kept, *impossible]:
+            written.receipts[stream].add_all([row.seq for row in of if not unreceipted or id(row) not in unreceipted])
+        for message, _ in [*kept, *impossible] if not sifted.unfinished else ():
             note_refused(written.receipts, message)
         for event in stored.events:
             note(written.receipts, event.device, topics.EVENTS, event.boot, event.seq)
@@ -156,47 +170,99 @@ class Writer:
         if refused:
             self._full = full
 
-    def _store(self, good: list[Row], origins: list[Message], apart: list[Refused]) -> tuple[int, int]:
-        """Commit rows, and what is set apart, in one transaction; how many rows conflict, and are poison.
+    def _store_events(self, occurred: Sequence[tuple[Message, PowerEvent]]) -> _Events:
+        """Commit events; what became of them."""
+        done = _Events()
+        if not occurred:
+            return done
 
-        The database refuses some row of the batch for what it holds: find it by halves, keep the others.
-        """
-        try:
-            return self._commit(good, origins, apart), 0
-        except _PoisonError as error:
-            if len(good) == 1:
-                self._commit([], [], [(origins[0], str(error)), *apart])
-                return 0, 1
-        half = len(good) // 2
-        first = self._store(good[:half], origins[:half], apart)
-        second = self._store(good[half:], origins[half:], [])
-        return first[0] + second[0], first[1] + second[1]
+        def insert(connection: sa.Connection, piece: Piece) -> list[int]:
+            ended = events.insert(connection, [occurred[k][1] for k in piece])
+            return [k for k in piece if occurred[k][1] in ended]
 
-    def _commit(self, good: list[Row], origins: list[Message], apart: list[Refused]) -> int:
-        """One transaction; the number of conflicts. Raises _PoisonError for rows that no database takes.
+        sifted = self._events.store(len(occurred), lambda k: occurred[k][1].device, insert, lambda *_: None)
+        for k, (message, event) in enumerate(occurred):
+            if (why := sifted.refused.get(k)) is None and k not in sifted.differing:
+                done.events.append(event)
+            elif why is None:
+                done.unusable.append((message, events.CONFLICT))
+            elif why.of == "any table":
+                done.unusable.append((message, why.reason))
+            else:
+                done.waiting.append((message, event.device, why.reason))
+        return done
 
-        A broken constraint is no such error, nor a text that is too long: the tables of acqd have none that a row could
-        break but the key, so somebody has changed them, and the database is away until that is taken back.
-        """
-        dbapi = self._engine.dialect.loaded_dbapi
-        with self.guard.transaction() as connection:
-            differing: list[Message] = []
-            try:
-                kinds = set(map(type, good))
-                for kind in kinds:
-                    of = good if len(kinds) == 1 else [row for row in good if row.__class__ is kind]
-                    if where := _insert(connection, kind, of):
-                        positions = [k for k, row in enumerate(good) if row.__class__ is kind]
-                        differing += [origins[positions[k]] for k in where]
-            except (sa.exc.DataError, dbapi.DataError) as error:
-                if not _is_of_a_row(error):
-                    raise
-                raise _PoisonError(str(error).splitlines()[0]) from error
-            except (ValueError, OverflowError) as error:  # the driver cannot even send it
-                raise _PoisonError(str(error)) from error
-            if apart or differing:
-                quarantining.insert(connection, [*apart, *((message, CONFLICT) for message in differing)])
-        return len(differing)
+    def _store(
+        self, good: list[Row], origins: list[Message], apart: list[Refused], waiting: Sequence[Waiting]
+    ) -> _Batch:
+        """Commit rows, what is set apart, and copies of what the database refuses, in one transaction."""
+
+        def insert(connection: sa.Connection, piece: Piece) -> list[int]:
+            differing: list[int] = []
+            of = good if isinstance(piece, range) else [good[k] for k in piece]
+            kinds = set(map(type, of))
+            for kind in kinds:
+                where = piece
+                if len(kinds) > 1:
+                    where = [k for k in piece if good[k].__class__ is kind]
+                    of = [good[k] for k in where]
+                differing += [where[k] for k in _insert(connection, kind, of)]
+            return differing
+
+        def finish(connection: sa.Connection, sifted: Sifted) -> None:
+            poison = [(origins[k], why.reason) for k, why in sifted.refused.items() if why.of == "any table"]
+            conflicts = [(origins[k], CONFLICT) for k in sifted.differing]
+            if apart or conflicts or poison:
+                quarantining.insert(connection, [*apart, *conflicts, *poison])
+            if waiting or len(sifted.refused) > len(poison):
+                self.refusals.keep(connection, [*waiting, *_waiting(sifted, good, origins)])
+
+        sifted = self._rows.store(len(good), lambda k: _stream_of(good[k]), insert, finish)
+        wait = [*waiting, *_waiting(sifted, good, origins)]
+        if sifted.unfinished:
+            unkept = [*(message for message, _ in apart), *(origins[k] for k in [*sifted.differing, *sifted.refused])]
+            wait += [(message, topics.place(message.topic).device, sifted.unfinished) for message in unkept]
+        if wait:
+            self.refusals.note(wait)
+        return _Batch(sifted)
+
+
+@dataclass(slots=True)
+class _Events:
+    """What became of the events of a batch."""
+
+    events: list[PowerEvent] = field(default_factory=list)
+    unusable: list[Refused] = field(default_factory=list)
+    waiting: list[Waiting] = field(default_factory=list)
+
+
+@dataclass(frozen=True, slots=True)
+class _Batch:
+    """What became of the rows of a batch."""
+
+    sifted: Sifted
+
+    @property
+    def poison(self) -> int:
+        """Rows that no table takes."""
+        return sum(why.of == "any table" for why in self.sifted.refused.values())
+
+    @property
+    def without_receipt(self) -> list[int]:
+        """Positions of the rows that are neither stored nor in quarantine."""
+        sifted = self.sifted
+        if sifted.unfinished:
+            return [*sifted.refused, *sifted.differing]
+        return [k for k, why in sifted.refused.items() if why.of != "any table"]
+
+
+def _waiting(sifted: Sifted, good: Sequence[Row], origins: Sequence[Message]) -> list[Waiting]:
+    """Rows that the table refuses, with device and reason."""
+    return [(origins[k], good[k].device, why.reason) for k, why in sifted.refused.items() if why.of != "any table"]
+
+
+def _stream_of(row: Row) -> tuple[str, ...]:
+    return row.__class__.__name__, row.device, row.channel, row.boot
 
 
 def _insert(connection: sa.Connection, kind: type[Row], of: list[Any]) -> list[int]:
@@ -205,12 +271,6 @@ def _insert(connection: sa.Connection, kind: type[Row], of: list[Any]) -> list[i
         if kind is keyed:
             return keyed_rows.insert(connection, table, of)
     return rows.insert(connection, of)
-
-
-def _is_of_a_row(error: Exception) -> bool:
-    """Whether a value is refused that no table of acqd takes, in PostgreSQL by SQLSTATE."""
-    state = getattr(getattr(error, "orig", error), "sqlstate", None)
-    return state is None or state in _OF_A_ROW
 
 
 def _size(message: Message) -> int:

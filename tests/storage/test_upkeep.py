@@ -15,7 +15,7 @@ from acqd.storage import conversion, upkeep
 from acqd.storage.database import open_database, transaction
 from acqd.storage.maintain import Retention
 from acqd.storage.retention_doubt import last_run
-from acqd.storage.schema import power_1min, power_15min
+from acqd.storage.schema import power_1min, power_15min, quarantine
 from acqd.storage.upkeep import Upkeep
 from acqd.storage.writer import Writer
 from tests.storage.rows import count, message, row
@@ -54,6 +54,25 @@ def test_a_database_that_is_away_is_a_trouble_until_it_is_back(tmp_path, caplog)
     wait_for(lambda: not thread.trouble, "the end of it")
     thread.stop()
     assert caplog.text.count("no such table") == 1, "said once"
+
+
+def test_copies_of_refused_rows_come_back_when_the_table_takes_them(tmp_path):
+    """Also those that nobody sends again."""
+    engine = open_database(str(tmp_path / "a.sqlite"))
+    writer = Writer(engine)
+    writer.write([message(row(0))])
+    with engine.begin() as connection:
+        connection.exec_driver_sql("CREATE TRIGGER d BEFORE INSERT ON power_row BEGIN SELECT RAISE(ABORT, 'x'); END")
+    writer.write([message(row(k)) for k in range(1, 3)])
+    thread = Upkeep(engine, Retention(0, 0, 0), refusals=writer.refusals)
+    thread._restore_refused()
+    writer.refusals._said.clear()  # none was refused lately
+    thread._restore_refused()
+    assert count(engine) == 1 and count(engine, quarantine) == 2 and writer.refusals.copies
+    with engine.begin() as connection:
+        connection.exec_driver_sql("DROP TRIGGER d")
+    thread._restore_refused()
+    assert count(engine) == 3 and not count(engine, quarantine) and not writer.refusals.copies and not thread.trouble
 
 
 def test_the_thread_moves_the_rows_of_an_earlier_acqd(earlier, tmp_path, monkeypatch):  # noqa: F811

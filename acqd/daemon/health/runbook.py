@@ -191,6 +191,13 @@ RUNBOOK = (
         r"database away|^doctor: database",
     ),
     _entry(
+        "rows-refused",
+        "`the database refuses rows of ...`",
+        "the sentence is the database's: a constraint, trigger, column or partition that acqd has not made. Rows wait "
+        "with their daemons and come by themselves; copies in quarantine leave it within a minute then",
+        r"^the database refuses rows",
+    ),
+    _entry(
         "quarantine",
         "log: `other rows with their keys are stored`",
         "`acqd sink quarantine list`: another client publishes as this device, or a clock is wrong; restore or drop",

@@ -56,6 +56,7 @@ class SinkHealth(ServiceHealth):
             lag_s=counters.lag_s,
             clock_trouble=counters.clock_trouble,
             boots_trouble=counters.boots_trouble,
+            refused_trouble=counters.refused_trouble,
             upkeep_trouble=self._upkeep.trouble if self._upkeep is not None else "",
             disk_days=self._upkeep.disk_days if self._upkeep is not None else None,
             recalls=counters.recalls,

@@ -206,6 +206,8 @@ class Snapshot:
     """Which certificate ends soon."""
     register_trouble: str = ""
     """Why energy registers are not written to the disk."""
+    refused_trouble: str = ""
+    """Whose rows a changed table refuses, and why."""
     upkeep_trouble: str = ""
     """Why roll-ups and retention do not run."""
     disk_days: float | None = None

@@ -133,7 +133,7 @@ def _lost_at_once(delivery: Delivery, seen: Acknowledged, problems: list[str], n
 
 
 def _sink_problems(snapshot: Snapshot) -> list[str]:
-    problems = [text for text in (snapshot.clock_trouble, snapshot.upkeep_trouble) if text]
+    problems = [text for text in (snapshot.clock_trouble, snapshot.refused_trouble, snapshot.upkeep_trouble) if text]
     if snapshot.boots_trouble:
         problems.append(f"name taken: {snapshot.boots_trouble}")
     if snapshot.lag_s > LAG_S:

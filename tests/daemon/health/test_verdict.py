@@ -38,6 +38,7 @@ def test_a_service_that_works_is_ready_without_a_word(snapshot):
         (daemon(delivery=Delivery(left_behind="3 rows of device old wait")), True, "spool: 3 rows of device old"),
         (daemon(certificate_trouble="certificate /a.pem ends in 3 days"), True, "ends in 3 days"),
         (sink(boots_trouble="two daemons publish as device c"), True, "name taken: two daemons"),
+        (sink(refused_trouble="the database refuses rows of c: no site"), True, "the database refuses rows of c"),
         (daemon(delivery=Delivery(spool_age_s=3e6, old_after_s=2.6e6)), True, "34.7 days"),
         (daemon(delivery=Delivery(dropped=7)), True, "7 messages were dropped"),
         (daemon(delivery=Delivery(deleted=1)), True, "1 time somebody deleted files of the spool"),

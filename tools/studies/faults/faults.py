@@ -24,6 +24,7 @@ from tools.studies.faults.on_storage import (
     database_disk_full,
     database_moved,
     database_put_back,
+    database_put_back_at_rest,
     disk_errors,
     foreign_file,
     lock,
@@ -31,6 +32,7 @@ from tools.studies.faults.on_storage import (
     spool_disk_full,
     spool_unreadable,
     stopped_on_a_full_disk,
+    table_refuses,
 )
 
 _PROCESSES: dict[str, Pick] = {
@@ -59,6 +61,8 @@ ALL: dict[str, Fault] = (
         "sink's clock behind": sink_behind,
         "maintenance with a wrong clock": maintained,
         "database put back": database_put_back,
+        "database put back at rest": database_put_back_at_rest,
+        "table refuses rows": table_refuses,
         "spool unreadable": spool_unreadable,
         "spool deleted": spool_deleted,
         "stopped on a full disk": stopped_on_a_full_disk,
@@ -89,14 +93,14 @@ _NEEDS = {
     "refusals": ("daemon's disk answers errors", "sink's disk answers errors"),
 }  # fmt: skip
 
-_FILES = {"sink's disk answers errors"}
-"""Faults of a database that the sink itself reads and writes."""
+_FILES = {"sink's disk answers errors", "database moved away", "database put back", "database put back at rest"}
+"""Faults of a database that is a file."""
 
 
 def possible(kind: Kind, extras: Extras) -> list[str]:
     """The faults that a bed can have."""
     without = {name for need, names in _NEEDS.items() if not getattr(extras, need) for name in names}
     without |= set() if kind.database == "postgres" else {"database crashed", *on_postgres.FAULTS}
-    without |= set() if kind.database == "sqlite" else {"database moved away", "database put back", *_FILES}
+    without |= set() if kind.database == "sqlite" else _FILES
     without |= set() if extras.sidecar else {name for name in ALL if name.startswith("sidecar")}
     return [name for name in ALL if name not in without]

@@ -134,18 +134,46 @@ def database_put_back(bed: Bed, chance: random.Random) -> None:
 
     A sidecar looks which logs are done when it starts, so it is started again.
     """
+    _put_back(bed, chance, stopped=False)
+
+
+def database_put_back_at_rest(bed: Bed, chance: random.Random) -> None:
+    """The same while the sink is stopped: it has to see at its start that rows with a receipt are missing."""
+    _put_back(bed, chance, stopped=True)
+
+
+def _put_back(bed: Bed, chance: random.Random, *, stopped: bool) -> None:
     path = Path(str(bed.engine.url.database))
     backup = path.with_name(f"{path.name}.backup")
     with closing(sqlite3.connect(path)) as source, closing(sqlite3.connect(backup)) as target:
         source.backup(target)
     pause(chance, 1.0, 4.0)
+    if stopped:
+        bed.sink.stop()
     backup.replace(path)
     for name in ("-wal", "-shm"):
         path.with_name(path.name + name).unlink(missing_ok=True)
+    if stopped:
+        bed.sink.start()
     bed.engine.dispose()
     if bed.sidecar is not None:
         bed.sidecar.stop()
         bed.sidecar.start()
+
+
+def table_refuses(bed: Bed, chance: random.Random) -> None:
+    """Somebody adds a rule to the table that one channel breaks, and takes it back: the other channels are stored."""
+    if bed.kind.database == "sqlite":
+        begin = "CREATE TRIGGER no BEFORE INSERT ON power_row WHEN NEW.id & 3 = 1 BEGIN SELECT RAISE(ABORT, 'no'); END"
+        end = "DROP TRIGGER no"
+    else:
+        begin = "ALTER TABLE power ADD CONSTRAINT no CHECK (channel <> 'L2') NOT VALID"
+        end = "ALTER TABLE power DROP CONSTRAINT no"
+    with bed.engine.begin() as connection:
+        connection.exec_driver_sql(begin)
+    pause(chance, 1.0, 6.0)
+    with bed.engine.begin() as connection:
+        connection.exec_driver_sql(end)
 
 
 def foreign_file(bed: Bed, chance: random.Random) -> None:
