@@ -23,6 +23,8 @@ _KEPT = 0.9
 """Share of the distinct values that stay distinct once they are rounded to the step."""
 _MANY = 0.3
 """Share of the values within a decade from which on their step counts."""
+_FEWEST_VALUES = 3
+"""Distinct values that show a step: a joint that rests at 0, or at 1 rad, shows none."""
 _LEAST_VALUES, _REPEATED = 20, 3
 """Values, and rows of each, by which counts of an encoder are known: a joint at constant speed has even steps, too."""
 _ERROR = 0.05
@@ -57,11 +59,9 @@ def resolution(values: Floats) -> float:
     digits have wider steps where they are larger: the widest step of many values counts.
     """
     finite = values[np.isfinite(values)]
-    if len(np.unique(finite)) < 3:
-        return 0.0
     decade = np.floor(np.log10(np.maximum(np.abs(finite), 1e-9)) + 1e-9)
     many = [finite[decade == each] for each in np.unique(decade)]
-    return max(_step(some) for some in [finite, *many] if len(some) > _MANY * len(finite))
+    return max((_step(some) for some in [finite, *many] if len(some) > _MANY * len(finite)), default=0.0)
 
 
 def steps_of(q: Floats) -> Floats:
@@ -76,6 +76,8 @@ def common_step(changes: Floats) -> float:
 
 
 def _step(values: Floats) -> float:
+    if len(np.unique(values)) < _FEWEST_VALUES:
+        return 0.0
     for unit in (1.0, np.pi / 180):
         distinct = len(np.unique(np.rint(values / unit * 10.0 ** (_FINEST + 1))))
         for digits in range(_FINEST + 1):
