@@ -51,7 +51,8 @@ _AGAIN_ROWS = 20
 """Rows after which a pose may be sent again."""
 _AWAY = 0.3
 """Distance of the rows between from a pose that is sent again, over the usual way of a row around them: an arm that
-dwells for some rows flickers there between the steps of its encoder."""
+dwells for some rows flickers there between the steps of its encoder. A pose that far from the middle of its neighbours
+is not on the path."""
 _PASSES = 12
 _NEIGHBOURS = (-2, -1, 1, 2)
 _LEAST_ROWS = 8
@@ -88,7 +89,8 @@ def doubtful_rows(time: Floats, q: Floats, speed: Floats, q_step: Floats | None 
     step = np.zeros(q.shape[1]) if q_step is None else q_step / speed
     rows = len(time)
     repeated, early = _repeated(time, x, step)
-    old, since_s = _sent_again(time, x, step)
+    old, sent_early, since_s = _sent_again(time, x, step)
+    early |= sent_early
     exchanged = _exchanged(x, step)
     early |= exchanged
     old[1:] |= exchanged[:-1]
@@ -189,15 +191,18 @@ def _exchanged(x: Floats, step: Floats) -> Flags:
     return exchanged
 
 
-def _sent_again(time: Floats, x: Floats, step: Floats) -> tuple[Flags, Floats]:
-    """[T] rows with the pose of an earlier row, not that before, although the arm moved on, and the ages [T] s."""
-    again, age = np.zeros(len(time), bool), np.zeros(len(time))
+def _sent_again(time: Floats, x: Floats, step: Floats) -> tuple[Flags, Flags, Floats]:
+    """[T] rows with the pose of an earlier row, not that before, rows with that of a later one, and the ages [T] s.
+
+    Of two rows with one pose between which the arm moved on, the one that is farther from its neighbours is wrong.
+    """
+    again, too_early, age = np.zeros(len(time), bool), np.zeros(len(time), bool), np.zeros(len(time))
     if len(time) < _LEAST_ROWS:
-        return again, age
+        return again, too_early, age
     _, first, inverse = np.unique(x, axis=0, return_index=True, return_inverse=True)
     inverse = inverse.reshape(-1)
     if len(first) == len(x):
-        return again, age
+        return again, too_early, age
     order = np.lexsort((np.arange(len(x)), inverse))
     same = inverse[order[1:]] == inverse[order[:-1]]
     rows, before = order[1:][same], order[:-1][same]
@@ -206,7 +211,7 @@ def _sent_again(time: Floats, x: Floats, step: Floats) -> tuple[Flags, Floats]:
     rows, before = rows[near], before[near]
     rows, before = _not_in_cycles(rows, before)
     if not len(rows):
-        return again, age
+        return again, too_early, age
     # an arm that goes back over its own path comes from the other side, and one that rests does not arrive and leave
     start, end = np.maximum(before - _AROUND, 0), np.minimum(rows + _AROUND, len(x) - 1)
     arrives, leaves = x[before] - x[start], x[end] - x[rows]
@@ -217,10 +222,16 @@ def _sent_again(time: Floats, x: Floats, step: Floats) -> tuple[Flags, Floats]:
     way = np.linalg.norm(arrives, axis=1) / np.maximum(before - start, 1)
     least = np.maximum(_AWAY * way, RESOLUTIONS * float(np.linalg.norm(step)))
     away = np.array([np.linalg.norm(x[a:b] - x[a], axis=1).max() for a, b in zip(before, rows, strict=True)])
-    found = rows[fast[0] & fast[1] & ((arrives * leaves).sum(axis=1) > 0) & (away > least)]
-    again[found] = True
+    where = fast[0] & fast[1] & ((arrives * leaves).sum(axis=1) > 0) & (away > least)
+    rows, before, way = rows[where], before[where], way[where]
+    bent = np.pad(np.linalg.norm(x[2:] - 2 * x[1:-1] + x[:-2], axis=1), 1)
+    twice = np.bincount(inverse)[inverse[rows]] == 2  # a pose that is sent again and again was there first
+    ahead = twice & (bent[before] > bent[rows]) & (bent[rows] / 2 < _AWAY * way)
+    too_early[before[ahead]] = True
+    rows, before = rows[~ahead], before[~ahead]
+    again[rows] = True
     age[rows] = time[rows] - time[before]
-    return again, age
+    return again, too_early, age
 
 
 def _not_in_cycles(rows: NDArray[np.int64], before: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
