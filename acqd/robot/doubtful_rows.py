@@ -4,8 +4,8 @@ Velocities and accelerations are differences of neighbours. A pose that is one r
 so that a few per cent of such rows shift the lag and spoil the model. A recorder leaves traces by which they are known:
 
 - A recorder that is faster than the controller, or that misses a message, writes the last pose again. The arm then
-  seems to stop for some rows and to catch up in one. An arm that really rests leaves and arrives slowly. A recorder that
-  is late writes the next pose too early, and then again: the arm goes two ways in one row, and stops for one.
+  seems to stop for some rows and to catch up in one. An arm that really rests leaves and arrives slowly. A recorder
+  that is late writes the next pose too early, and then again: the arm goes two ways in one row, and stops for one.
 - A pose that was old (or new) when it was stamped lies on the path, but not where its neighbours expect it. The
   distance along the path, divided by the speed, is the pose's age.
 """
@@ -29,8 +29,8 @@ _CAUGHT_UP = 0.5
 """Speed across equal poses, over the speed around them, from which on the arm has moved meanwhile. An arm that starts
 or stops there, within one row, reaches a third."""
 _READ_AHEAD = 0.75
-"""Rows from the first of two equal ones to the time of their pose, from which on the first is too early. Poses that come
-at another rate than the rows have at most a half."""
+"""Rows from the first of two equal ones to the time of their pose, from which on the first is too early. Poses that
+come at another rate than the rows have at most a half."""
 RESOLUTIONS = 2.5
 """Steps of the encoder: a slow joint crosses one now and then, and the rows between are equal by right."""
 _OLD = 0.3
@@ -87,7 +87,6 @@ def doubtful_rows(time: Floats, q: Floats, speed: Floats, q_step: Floats | None 
     """
     x = q / speed
     step = np.zeros(q.shape[1]) if q_step is None else q_step / speed
-    rows = len(time)
     repeated, early = _repeated(time, x, step)
     old, sent_early, since_s = _sent_again(time, x, step)
     early |= sent_early

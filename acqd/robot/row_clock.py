@@ -27,8 +27,6 @@ _STEPS_OF_ENCODER = 12.0
 """Steps of the written positions that a way needs."""
 _FEWEST = 60
 """Rows in motion that are judged."""
-_FEWEST_LATE = 10
-"""Steps to or from late rows."""
 _SMOOTHER = 5.0
 """Change of speed from row to row with the stamps as they are, over that with even times, from which on the even times
 are the true ones. True late rows: 8 and more; a log that stops and goes, or has blocks of another rate: below 3."""
@@ -45,7 +43,7 @@ _EARLIEST = 0.02
 _TWICE = (0.6, 0.25)
 """Ways beyond the usual one of a step across a missing row, and of its neighbours."""
 _MISSING, _MISSING_SHARE = 5, 0.004
-"""Such steps, and their share of the rows in motion, from which on a line says so."""
+"""Such steps (and as many to and from late rows), and their share of the rows in motion, from which on a line says so."""
 _CALM = 0.1
 """Scatter of the ways up to which a way of two rows is known."""
 _SET_ROWS, _SET_S = 5.0, 0.04
@@ -84,8 +82,8 @@ class LateStamps:
         """What a user should know."""
         if self.few:
             return (
-                f"{self.few} of {len(self.time)} rows were stamped up to {1000 * self.most_s:.0f} ms late, although the "
-                "arm moves on evenly: they were put at even distances from the others"
+                f"{self.few} of {len(self.time)} rows were stamped up to {1000 * self.most_s:.0f} ms late, although "
+                "the arm moves on evenly: they were put at even distances from the others"
             )
         return (
             f"stamps are up to {1000 * self.most_s:.0f} ms late, although the arm moves on evenly every "
@@ -157,7 +155,7 @@ def _few_late(
     late_s = stamps - usual
     late = late_s > even.row_s / 2
     beside = judged & (late[1:] | late[:-1])
-    if beside.sum() < _FEWEST_LATE or not _are_uneven(ways, beside):
+    if beside.sum() < 2 * _MISSING or not _are_uneven(ways, beside):
         return None
     time = np.maximum.accumulate(np.where(late, usual, stamps))
     if not _clearly_smoother(time, stamps, moved, beside):

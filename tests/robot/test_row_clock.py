@@ -70,7 +70,9 @@ def test_rows_behind_a_late_one_are_put_right_and_the_others_keep_their_times(re
     random, stamps = np.random.default_rng(6), t.copy()
     for row in np.flatnonzero(random.random(len(t)) < share):  # those that waited come at once
         queue = slice(row, row + 14)
-        stamps[queue] = np.maximum(stamps[queue], t[row] + random.uniform(0.01, most_s) + 2e-4 * np.arange(len(t[queue])))
+        stamps[queue] = np.maximum(
+            stamps[queue], t[row] + random.uniform(0.01, most_s) + 2e-4 * np.arange(len(t[queue]))
+        )
     found = late_stamps(np.maximum.accumulate(stamps), q, ROBOT.speed, FINE)
     moves = np.linalg.norm(np.gradient(q, t, axis=0) / ROBOT.speed, axis=1) > 0.05
     late = stamps - t > 0.01
