@@ -43,7 +43,7 @@ _EARLIEST = 0.02
 _TWICE = (0.6, 0.25)
 """Ways beyond the usual one of a step across a missing row, and of its neighbours."""
 _MISSING, _MISSING_SHARE = 5, 0.004
-"""Such steps (and as many to and from late rows), and their share of the rows in motion, from which on a line says so."""
+"""Such steps (twice as many beside late rows), and their share of the rows in motion, from which on a line says so."""
 _CALM = 0.1
 """Scatter of the ways up to which a way of two rows is known."""
 _SET_ROWS, _SET_S = 5.0, 0.04
