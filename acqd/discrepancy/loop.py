@@ -48,7 +48,7 @@ def close_loop(config: CloseConfig, progress: Progress) -> Closed:
     predictive = Predictive.of(selection, subject)
     improved = improve(
         subject, effects, errors_before, predictive, config.seed,
-        grown=usual.exceeded_by(subject.held_out, errors_before),
+        grown=lambda errors: usual.exceeded_by(subject.held_out, errors),
     )  # fmt: skip
     trial = tried(subject, selection, improved, predictive, config.seed)
     verdict, remarks = settled(subject, selection, improved, errors_before, usual, trial)
