@@ -97,13 +97,21 @@ class Dataset:
 
         if not hasattr(frame, "columns"):
             raise UserError(f"expected a pandas.DataFrame, not {type(frame).__name__}; others: pandas.DataFrame(...)")
+        if frame.columns.nlevels > 1:
+            raise UserError(
+                f"the columns of the data frame have {frame.columns.nlevels} levels; expected names: "
+                "frame.columns = frame.columns.get_level_values(0)"
+            )
+        index = [name for name in frame.index.names if name in ("recording", "time") and name not in frame.columns]
+        frame = frame.reset_index(index) if index else frame
         twice = frame.columns[frame.columns.duplicated()]
         if len(twice):
             raise UserError(f"the data frame has several columns {twice[0]!r}; expected one: rename the others")
         try:
-            table = pa.Table.from_pandas(frame, preserve_index=frame.index.name in ("recording", "time"))
-        except (pa.ArrowException, ValueError) as error:
-            raise UserError(f"the data frame cannot be read: {str(error).splitlines()[0]}") from None
+            table = pa.Table.from_pandas(frame, preserve_index=False)
+        except (pa.ArrowException, ValueError, TypeError) as error:
+            said = "; ".join(str(each) for each in reversed(error.args)).splitlines()[0]
+            raise UserError(f"the data frame cannot be read: {said}") from None
         return cls.from_arrow(table, out, robot=robot, measured=measured)
 
     @property

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -37,8 +37,8 @@ _LONG_S = 20.0  # one log of this length is cut even if nobody asked: three piec
 _CONFIRMED = 0.75
 """Share of the logs that must be placed where no common clock confirms their places."""
 _CAUSES = (
-    "Otherwise the logs may be of another robot (--robot), an axis may have another sign or zero than the description, "
-    "or the meter may average or repeat its values"
+    "Otherwise the logs may be of another robot (--robot), an axis may have another sign, zero or place in the order "
+    "than in the description, or the meter may average or repeat its values"
 )
 _SQLITE = "sqlite:///"
 _Progress = Callable[[str, float], None]
@@ -80,7 +80,7 @@ def build(config: BuildConfig, progress: _Progress) -> BuildReport:
     logs.notes += [note for power in powers for note in power.notes]
     logs.notes += small_power(powers)
     logs.notes += [note] if (note := large_power(np.concatenate([some_power(each) for each in powers]), robot)) else []
-    _require_placements(alignment)
+    _require_placements(alignment, [fault.text for log in logs.kept if (fault := log.quality.fault)])
     merged = _merge_all(config, logs.kept, powers, alignment)
     recordings = [each.recording for each in merged if each.recording]
     logs.notes += judge_recordings(recordings, robot, by_torque)
@@ -149,20 +149,24 @@ def _align(
     return regressors, place(regressors, stream, config.search_s, lambda share: progress("aligning", share), names)
 
 
-def _require_placements(alignment: Alignment) -> None:
-    """Raises UserError where no log has a place, or so few that chance may have found theirs."""
+def _require_placements(alignment: Alignment, faults: Sequence[str] = ()) -> None:
+    """Raises UserError where no log has a place, or so few that chance may have found theirs.
+
+    `faults`: what is doubtful in the times of logs.
+    """
     placements = alignment.placements
     placed = [placement for placement in placements if placement.method != "refused"]
+    causes = f"{len(faults)} logs, the first: {faults[0]}" if faults else _CAUSES
     best = f"best R2 {max(placement.own.r2 for placement in placements):.2f}"
     if not placed:
         raise UserError(
             f"none of {len(placements)} logs can be placed in the power stream ({best}): is it this robot's power, of "
-            f"these days? {_CAUSES}"
+            f"these days? {causes}"
         )
     if alignment.line is None and len(placements) >= _MIN_FOR_CLOCK and len(placed) < _CONFIRMED * len(placements):
         raise UserError(
             f"only {len(placed)} of {len(placements)} logs can be placed in the power stream ({best}), on no common "
-            f"clock: such places may be chance. {_CAUSES}"
+            f"clock: such places may be chance. {causes}"
         )
 
 

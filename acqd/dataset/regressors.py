@@ -131,7 +131,7 @@ def regressors_of(log: RobotLog, robot: RobotDescription, torque: TorqueSource |
     known = _known(grid, time)
     smoothing = log.quality.smoothing
     # times put right are as unsure as a supply's lag: the scatter that is left in them looks like a longer one
-    coarse = log.quality.rebuilt is not None or (smoothing is not None and smoothing.coarse)
+    coarse = log.quality.times_put_right or (smoothing is not None and smoothing.coarse)
     return Regressors(
         float(time[0]), np.column_stack(columns), power, essential, events, known, log.quality.age_error_s, coarse
     )

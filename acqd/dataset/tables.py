@@ -236,7 +236,9 @@ def _used(name: str, rows: pa.Table) -> bool:
 def _numbers(name: str, rows: pa.Table) -> np.ndarray:
     try:
         return np.asarray(rows[name].cast(pa.float64()).to_numpy(zero_copy_only=False))
-    except (pa.ArrowInvalid, pa.ArrowNotImplementedError):
+    except (pa.ArrowInvalid, pa.ArrowNotImplementedError) as error:
+        if pa.types.is_string(rows.schema.field(name).type) or pa.types.is_large_string(rows.schema.field(name).type):
+            raise UserError(f"column {name}: holds text, expected numbers: {str(error).splitlines()[0]}") from None
         raise UserError(f"column {name}: holds {rows.schema.field(name).type}, expected numbers") from None
 
 

@@ -4,7 +4,8 @@ Velocities and accelerations are differences of neighbours. A pose that is one r
 so that a few per cent of such rows shift the lag and spoil the model. A recorder leaves traces by which they are known:
 
 - A recorder that is faster than the controller, or that misses a message, writes the last pose again. The arm then
-  seems to stop for some rows and to catch up in one. An arm that really rests leaves and arrives slowly.
+  seems to stop for some rows and to catch up in one. An arm that really rests leaves and arrives slowly. A recorder
+  that is late writes the next pose too early, and then again: the arm goes two ways in one row, and stops for one.
 - A pose that was old (or new) when it was stamped lies on the path, but not where its neighbours expect it. The
   distance along the path, divided by the speed, is the pose's age.
 """
@@ -27,6 +28,9 @@ MOVING = 0.005
 _CAUGHT_UP = 0.5
 """Speed across equal poses, over the speed around them, from which on the arm has moved meanwhile. An arm that starts
 or stops there, within one row, reaches a third."""
+_READ_AHEAD = 0.75
+"""Rows from the first of two equal ones to the time of their pose, from which on the first is too early. Poses that
+come at another rate than the rows have at most a half."""
 RESOLUTIONS = 2.5
 """Steps of the encoder: a slow joint crosses one now and then, and the rows between are equal by right."""
 _OLD = 0.3
@@ -47,7 +51,8 @@ _AGAIN_ROWS = 20
 """Rows after which a pose may be sent again."""
 _AWAY = 0.3
 """Distance of the rows between from a pose that is sent again, over the usual way of a row around them: an arm that
-dwells for some rows flickers there between the steps of its encoder."""
+dwells for some rows flickers there between the steps of its encoder. A pose that far from the middle of its neighbours
+is not on the path."""
 _PASSES = 12
 _NEIGHBOURS = (-2, -1, 1, 2)
 _LEAST_ROWS = 8
@@ -82,11 +87,14 @@ def doubtful_rows(time: Floats, q: Floats, speed: Floats, q_step: Floats | None 
     """
     x = q / speed
     step = np.zeros(q.shape[1]) if q_step is None else q_step / speed
-    rows = len(time)
-    repeated, early = _repeated(time, x, step), np.zeros(rows, bool)
-    old, since_s = _sent_again(time, x, step)
-    old &= ~repeated
-    kept = np.flatnonzero(~repeated & ~old)
+    repeated, early = _repeated(time, x, step)
+    old, sent_early, since_s = _sent_again(time, x, step)
+    early |= sent_early
+    exchanged = _exchanged(x, step)
+    early |= exchanged
+    old[1:] |= exchanged[:-1]
+    old &= ~repeated & ~early
+    kept = np.flatnonzero(~repeated & ~old & ~early)
     moves = _speeds(time, x) > MOVING
     row_s = _usual_step(time[kept], moves[kept])
     written = float(np.linalg.norm(step))
@@ -123,13 +131,13 @@ def _speeds(time: Floats, x: Floats) -> Floats:
     return np.asarray(np.linalg.norm(x[after] - x[before], axis=1) / (time[after] - time[before]))
 
 
-def _repeated(time: Floats, x: Floats, step: Floats) -> Flags:
-    """[T] rows that repeat the row before although the arm moved meanwhile."""
+def _repeated(time: Floats, x: Floats, step: Floats) -> tuple[Flags, Flags]:
+    """[T] rows that repeat the row before although the arm moved meanwhile, and rows before the row of their pose."""
     equal = np.concatenate([[False], (x[1:] == x[:-1]).all(axis=1)])
-    repeated = np.zeros(len(time), bool)
+    repeated, early = np.zeros(len(time), bool), np.zeros(len(time), bool)
     first = np.flatnonzero(~equal)  # of each run of equal poses
     if len(first) == len(time) or len(first) < 3:
-        return repeated
+        return repeated, early
     moved = np.diff(x[first], axis=0)
     speed = moved / np.diff(time[first])[:, None]
     before, after = np.vstack([speed[1:2], speed[:-1]]), np.vstack([speed[1:], speed[-2:-1]])
@@ -138,22 +146,62 @@ def _repeated(time: Floats, x: Floats, step: Floats) -> Flags:
     steps = np.abs(moved)
     resolution = np.where(steps > 0, steps, np.inf).min(axis=0)
     finite = np.maximum(np.where(np.isfinite(resolution), resolution, 0.0), step)
-    caught_up = (across > MOVING) & (across >= _CAUGHT_UP * around) & (steps > RESOLUTIONS * finite).any(axis=1)
-    held = np.flatnonzero(caught_up & (np.diff(first) > 1))
-    for start, end in zip(first[held] + 1, first[held + 1], strict=True):
+    clear = (across > MOVING) & (steps > RESOLUTIONS * finite).any(axis=1)
+    held = np.diff(first) > 1
+    ahead = _ahead(time, x, first) & held & clear & np.concatenate([[False], clear[:-1]])
+    early[first[:-1][ahead]] = True
+    caught_up = np.flatnonzero(clear & held & (across >= _CAUGHT_UP * around) & ~ahead)
+    for start, end in zip(first[caught_up] + 1, first[caught_up + 1], strict=True):
         repeated[start:end] = True
-    return repeated
+    return repeated, early
 
 
-def _sent_again(time: Floats, x: Floats, step: Floats) -> tuple[Flags, Floats]:
-    """[T] rows with the pose of an earlier row, not that before, although the arm moved on, and the ages [T] s."""
-    again, age = np.zeros(len(time), bool), np.zeros(len(time))
+def _ahead(time: Floats, x: Floats, first: NDArray[np.int64]) -> Flags:
+    """[n - 1] poses in two equal rows, the first of them at rows `first` [n], that are those of the second row.
+
+    The ways from the pose before and to the next one, at the speed of both together, tell the time of the pose.
+    """
+    span, way = np.diff(time[first]), np.linalg.norm(np.diff(x[first], axis=0), axis=1)
+    speed = np.pad(way / span, 1, mode="edge")
+    ahead = np.zeros(len(span), bool)
+    across = (way[:-1] + way[1:]) / (span[:-1] + span[1:])
+    around = (speed[:-3] + speed[3:]) / 2
+    after_s = way[:-1] / np.maximum(across, 1e-12) - span[:-1]
+    row_s = time[first[1:-1] + 1] - time[first[1:-1]]
+    ahead[1:] = (np.diff(first)[1:] == 2) & (across >= _CAUGHT_UP * around) & (after_s > _READ_AHEAD * row_s)
+    return ahead
+
+
+def _exchanged(x: Floats, step: Floats) -> Flags:
+    """[T] rows that hold the pose of the next row, which holds theirs: messages that overtake each other.
+
+    Of the ways between the rows around, each of the two is nearer to the place of the other.
+    """
+    exchanged = np.zeros(len(x), bool)
+    if len(x) < _LEAST_ROWS:
+        return exchanged
+    third = (x[3:] - x[:-3]) / 3
+    places = x[:-3] + third, x[:-3] + 2 * third
+    crossed = [np.linalg.norm(x[1 + k : len(x) - 2 + k] - places[1 - k], axis=1) for k in (0, 1)]
+    way = np.linalg.norm(third, axis=1)
+    noise = mad_sigma(np.linalg.norm(np.diff(x, 2, axis=0), axis=1), 0.0) / np.sqrt(6)
+    clear = way > max(RESOLUTIONS * float(np.linalg.norm(step)), CLEARLY * noise)
+    exchanged[1:-2] = clear & (np.maximum(*crossed) < way / 2)
+    return exchanged
+
+
+def _sent_again(time: Floats, x: Floats, step: Floats) -> tuple[Flags, Flags, Floats]:
+    """[T] rows with the pose of an earlier row, not that before, rows with that of a later one, and the ages [T] s.
+
+    Of two rows with one pose between which the arm moved on, the one that is farther from its neighbours is wrong.
+    """
+    again, too_early, age = np.zeros(len(time), bool), np.zeros(len(time), bool), np.zeros(len(time))
     if len(time) < _LEAST_ROWS:
-        return again, age
+        return again, too_early, age
     _, first, inverse = np.unique(x, axis=0, return_index=True, return_inverse=True)
     inverse = inverse.reshape(-1)
     if len(first) == len(x):
-        return again, age
+        return again, too_early, age
     order = np.lexsort((np.arange(len(x)), inverse))
     same = inverse[order[1:]] == inverse[order[:-1]]
     rows, before = order[1:][same], order[:-1][same]
@@ -162,7 +210,7 @@ def _sent_again(time: Floats, x: Floats, step: Floats) -> tuple[Flags, Floats]:
     rows, before = rows[near], before[near]
     rows, before = _not_in_cycles(rows, before)
     if not len(rows):
-        return again, age
+        return again, too_early, age
     # an arm that goes back over its own path comes from the other side, and one that rests does not arrive and leave
     start, end = np.maximum(before - _AROUND, 0), np.minimum(rows + _AROUND, len(x) - 1)
     arrives, leaves = x[before] - x[start], x[end] - x[rows]
@@ -173,10 +221,16 @@ def _sent_again(time: Floats, x: Floats, step: Floats) -> tuple[Flags, Floats]:
     way = np.linalg.norm(arrives, axis=1) / np.maximum(before - start, 1)
     least = np.maximum(_AWAY * way, RESOLUTIONS * float(np.linalg.norm(step)))
     away = np.array([np.linalg.norm(x[a:b] - x[a], axis=1).max() for a, b in zip(before, rows, strict=True)])
-    found = rows[fast[0] & fast[1] & ((arrives * leaves).sum(axis=1) > 0) & (away > least)]
-    again[found] = True
+    where = fast[0] & fast[1] & ((arrives * leaves).sum(axis=1) > 0) & (away > least)
+    rows, before, way = rows[where], before[where], way[where]
+    bent = np.pad(np.linalg.norm(x[2:] - 2 * x[1:-1] + x[:-2], axis=1), 1)
+    twice = np.bincount(inverse)[inverse[rows]] == 2  # a pose that is sent again and again was there first
+    ahead = twice & (bent[before] > bent[rows]) & (bent[rows] / 2 < _AWAY * way)
+    too_early[before[ahead]] = True
+    rows, before = rows[~ahead], before[~ahead]
+    again[rows] = True
     age[rows] = time[rows] - time[before]
-    return again, age
+    return again, too_early, age
 
 
 def _not_in_cycles(rows: NDArray[np.int64], before: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

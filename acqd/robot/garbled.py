@@ -88,10 +88,12 @@ def _unknown_poses(time: Floats, q: Floats, robot: RobotDescription) -> NDArray[
 
 
 def impossible_jump(time: Floats, q: Floats, robot: RobotDescription) -> tuple[int, str] | None:
-    """The first row after which a joint is elsewhere faster than it can move, and what jumps; None without one.
+    """The row after which a joint first is elsewhere faster than it can move, and what jumps; None without one.
 
-    `time` [T] s rises.
+    `time` [T] s rises. A pose that is written again counts once, at its first row: the arm moves on meanwhile.
     """
+    new = np.flatnonzero(np.concatenate([[True], (np.diff(q, axis=0) != 0).any(axis=1)]))
+    time, q = time[new], q[new]
     step = np.diff(time)
     if not len(step):
         return None
@@ -99,11 +101,11 @@ def impossible_jump(time: Floats, q: Floats, robot: RobotDescription) -> tuple[i
     if not fast.any():
         return None
     row, axis = (int(index) for index in np.argwhere(fast)[0])
-    joint, moved = robot.joint[axis], q[row + 1, axis] - q[row, axis]
+    joint, moved, before = robot.joint[axis], q[row + 1, axis] - q[row, axis], int(new[row + 1]) - 1
     if joint.slides:
-        return row, f"{joint.name} moves {moved:+.3f} m in {step[row]:.3f} s, its limit is {joint.speed:g} m/s"
+        return before, f"{joint.name} moves {moved:+.3f} m in {step[row]:.3f} s, its limit is {joint.speed:g} m/s"
     degrees = np.degrees(moved)
-    return row, f"{joint.name} turns {degrees:+.0f} deg in {step[row]:.3f} s, its limit is {joint.speed:g} deg/s"
+    return before, f"{joint.name} turns {degrees:+.0f} deg in {step[row]:.3f} s, its limit is {joint.speed:g} deg/s"
 
 
 def clock_restart(time: Floats, q: Floats) -> int | None:

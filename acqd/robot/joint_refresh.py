@@ -34,8 +34,6 @@ def frozen(time: Floats, q: Floats, q_step: Floats, acceleration: Floats) -> Fla
     Poses are judged once: a row that repeats the pose before is as that row.
     """
     stale = np.zeros(q.shape, bool)
-    if len(time) < 2 * _RUN:
-        return stale
     new = np.concatenate([[True], (q[1:] != q[:-1]).any(axis=1)])  # a fast recorder repeats what the controller says
     for axis, angle in enumerate(q[new].T):
         of_new = _frozen(time[new], angle, float(q_step[axis]), float(acceleration[axis]))
@@ -45,6 +43,8 @@ def frozen(time: Floats, q: Floats, q_step: Floats, acceleration: Floats) -> Fla
 
 def _frozen(time: Floats, angle: Floats, written: float, acceleration: float) -> Flags:
     stale = np.zeros(len(time), bool)
+    if len(time) < 2 * _RUN:  # an arm that stands still has one pose
+        return stale
     first = np.flatnonzero(np.concatenate([[True], angle[1:] != angle[:-1]]))  # of each run of equal values
     held, moved = np.diff(first), np.abs(np.diff(angle[first]))
     steps = moved[moved > 0]

@@ -70,7 +70,6 @@ def log_of(path: Path, table: Table, robot: RobotDescription) -> RobotLog:
         point = None if point is None else point[kept]
     require_one_clock(log, table, robot)
     order = np.unique(log.time, return_index=True)[1]
-    order = order[np.concatenate([[True], (np.diff(log.q[order], axis=0) != 0).any(axis=1)])]  # poses may be held
     jump = impossible_jump(log.time[order], log.q[order], robot)
     if jump is not None:
         where = f"row {table.line(order[jump[0] + 1])}"

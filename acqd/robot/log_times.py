@@ -98,5 +98,5 @@ def _with_even_times(
     if late is None:
         return log, None
     time = log.time.copy()
-    time[rows] = origin + late.time
+    time[good] = origin + late.time[np.searchsorted(log.time[rows], log.time[good])]
     return replace(log, time=time), late

@@ -61,6 +61,11 @@ class MotionQuality:
         return self.bad / max(self.moving, 1)
 
     @property
+    def times_put_right(self) -> bool:
+        """Whether the times of all rows were put right."""
+        return self.rebuilt is not None and not (isinstance(self.rebuilt, LateStamps) and self.rebuilt.few)
+
+    @property
     def age_error_s(self) -> float:
         """By how much the poses that were kept may be older than their stamps, all alike.
 

@@ -23,14 +23,17 @@ _KEPT = 0.9
 """Share of the distinct values that stay distinct once they are rounded to the step."""
 _MANY = 0.3
 """Share of the values within a decade from which on their step counts."""
+_FEWEST_VALUES = 3
+"""Distinct values that show a step: a joint that rests at 0, or at 1 rad, shows none."""
 _LEAST_VALUES, _REPEATED = 20, 3
-"""Values, and rows of each, by which counts of an encoder are known: a joint at constant speed has even steps, too."""
+"""Values, and rows of each, by which counts of an encoder are known: a joint at constant speed has even steps, too.
+Values that come once are counts where all are whole steps apart, and follow each other by different numbers of them."""
 _ERROR = 0.05
 """rad/s^2 or m/s^2, standard error of an acceleration that changes neither lag nor model."""
 _SHORTEST_S, _LONGEST_S = 0.1, 0.4
 """Shorter windows change nothing; longer ones would hide the motion. (A window passes 1/window Hz.)"""
-_COARSE_S = 0.25
-"""Windows from which on fast motion is lost."""
+_COARSE_S = 0.2
+"""Windows from which on fast motion is lost: half a period at the 2.5 Hz up to which motion and power are compared."""
 _AROUND = 4
 """Rows on either side that tell the usual speed."""
 _EVEN, _FAST = 0.3, 0.05
@@ -57,11 +60,9 @@ def resolution(values: Floats) -> float:
     digits have wider steps where they are larger: the widest step of many values counts.
     """
     finite = values[np.isfinite(values)]
-    if len(np.unique(finite)) < 3:
-        return 0.0
     decade = np.floor(np.log10(np.maximum(np.abs(finite), 1e-9)) + 1e-9)
     many = [finite[decade == each] for each in np.unique(decade)]
-    return max(_step(some) for some in [finite, *many] if len(some) > _MANY * len(finite))
+    return max((_step(some) for some in [finite, *many] if len(some) > _MANY * len(finite)), default=0.0)
 
 
 def steps_of(q: Floats) -> Floats:
@@ -76,6 +77,23 @@ def common_step(changes: Floats) -> float:
 
 
 def _step(values: Floats) -> float:
+    known, rows = np.unique(values, return_counts=True)
+    if len(known) < _FEWEST_VALUES:
+        return 0.0
+    if len(known) < _LEAST_VALUES:
+        return _decimals(values)
+    gaps = np.diff(known)
+    if np.median(rows) < _REPEATED:
+        counts = common_step(gaps)
+        changes = np.unique(np.rint(np.abs(np.diff(values)) / counts)) if counts else ()
+        return max(_decimals(values), counts if len(changes) > _FEWEST_VALUES else 0.0)
+    usual = float(np.median(gaps))
+    whole = np.abs(gaps / usual - np.rint(gaps / usual)) < _WHOLE
+    return _decimals(values) or (usual if whole.mean() > _WHOLE_SHARE else 0.0)
+
+
+def _decimals(values: Floats) -> float:
+    """The last decimal of values, or of the degrees that they were; 0 with too many."""
     for unit in (1.0, np.pi / 180):
         distinct = len(np.unique(np.rint(values / unit * 10.0 ** (_FINEST + 1))))
         for digits in range(_FINEST + 1):
@@ -84,12 +102,7 @@ def _step(values: Floats) -> float:
             # a joint that rests near 0 is near a whole number of any step
             if (np.abs(counts - whole) < _WHOLE).mean() > _WHOLE_SHARE and len(np.unique(whole)) > _KEPT * distinct:
                 return float(unit * 10.0**-digits)
-    known, rows = np.unique(values, return_counts=True)
-    if len(known) < _LEAST_VALUES or np.median(rows) < _REPEATED:
-        return 0.0
-    gaps = np.diff(known)
-    counts = gaps / np.median(gaps)
-    return float(np.median(gaps)) if (np.abs(counts - np.rint(counts)) < _WHOLE).mean() > _WHOLE_SHARE else 0.0
+    return 0.0
 
 
 @dataclass(frozen=True, slots=True)

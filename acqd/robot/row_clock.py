@@ -43,7 +43,7 @@ _EARLIEST = 0.02
 _TWICE = (0.6, 0.25)
 """Ways beyond the usual one of a step across a missing row, and of its neighbours."""
 _MISSING, _MISSING_SHARE = 5, 0.004
-"""Such steps, and their share of the rows in motion, from which on a line says so."""
+"""Such steps (twice as many beside late rows), and their share of the rows in motion, from which on a line says so."""
 _CALM = 0.1
 """Scatter of the ways up to which a way of two rows is known."""
 _SET_ROWS, _SET_S = 5.0, 0.04
@@ -70,6 +70,8 @@ class LateStamps:
 
     shared: int = 0
     """Rows that had the stamp of the row before."""
+    few: int = 0
+    """Rows that came late, where the others have the controller's time; 0: all stamps are the recorder's."""
 
     @property
     def error_s(self) -> float:
@@ -78,6 +80,11 @@ class LateStamps:
 
     def sentence(self) -> str:
         """What a user should know."""
+        if self.few:
+            return (
+                f"{self.few} of {len(self.time)} rows were stamped up to {1000 * self.most_s:.0f} ms late, although "
+                "the arm moves on evenly: they were put at even distances from the others"
+            )
         return (
             f"stamps are up to {1000 * self.most_s:.0f} ms late, although the arm moves on evenly every "
             f"{1000 * self.row_s:.3g} ms: they are of the recorder, not of the controller. The rows were put at even "
@@ -93,6 +100,8 @@ class _Ways:
     """Step of the stamps over the usual one around it."""
     way: Floats
     """Way of the arm over the usual one around it."""
+    three: Floats
+    """Distance that the step and its neighbours cover together, over the usual way of one."""
     step_s: Floats
     """Usual step around it, s."""
     fast: NDArray[np.bool_]
@@ -118,8 +127,6 @@ def late_stamps(time: Floats, q: Floats, speed: Floats, q_step: Floats) -> LateS
     judged = ways.judged & ~rests
     if judged.sum() < _FEWEST:
         return None
-    if _scatter(ways.way[judged] - 1) >= _scatter(ways.step[judged] - 1):  # stamps are as even as the arm, or more
-        return None
     rows = np.where(judged, np.maximum(np.rint(ways.way), 1.0), 1.0)  # rows that were lost count
     pauses = rests | (steps >= _PAUSE_S)
     row_s = float(steps[judged].sum() / rows[judged].sum())
@@ -128,10 +135,42 @@ def late_stamps(time: Floats, q: Floats, speed: Floats, q_step: Floats) -> LateS
         pauses[start:end] |= abs(span - row_s * (end - start)) > _REST_OFF_S
     even = even_times(stamps, rows=rows, pauses=pauses)
     moved = np.linalg.norm(np.diff(q[new] / speed, axis=0), axis=1)
-    if _changes(stamps, moved, judged) < _SMOOTHER * _changes(even.time, moved, judged):
-        return None
+    if not _are_uneven(ways, judged) or not _clearly_smoother(even.time, stamps, moved, judged):
+        few = _few_late(stamps, even, ways, moved, judged)
+        if few is None:
+            return None
+        even = few
     times = time - np.interp(time, stamps, stamps - even.time)
     return replace(even, time=np.maximum.accumulate(times + 1e-9 * np.arange(len(times))))
+
+
+def _few_late(
+    stamps: Floats, even: LateStamps, ways: _Ways, moved: Floats, judged: NDArray[np.bool_]
+) -> LateStamps | None:
+    """Times of stamps [T] s with those rows put right that came late, and the rows that waited behind them.
+
+    None where the arm's speed is not clearly smoother beside them for it.
+    """
+    usual = even.time + float(np.median(stamps - even.time))
+    late_s = stamps - usual
+    late = late_s > even.row_s / 2
+    beside = judged & (late[1:] | late[:-1])
+    if beside.sum() < 2 * _MISSING or not _are_uneven(ways, beside):
+        return None
+    time = np.maximum.accumulate(np.where(late, usual, stamps))
+    if not _clearly_smoother(time, stamps, moved, beside):
+        return None
+    return replace(even, time=time, late_s=0.0, most_s=float(np.quantile(late_s[late], 0.95)), few=int(late.sum()))
+
+
+def _are_uneven(ways: _Ways, judged: NDArray[np.bool_]) -> bool:
+    """Whether the stamps are less even than the arm's ways, in judged steps."""
+    return _scatter(ways.way[judged] - 1) < _scatter(ways.step[judged] - 1)
+
+
+def _clearly_smoother(even: Floats, stamps: Floats, moved: Floats, judged: NDArray[np.bool_]) -> bool:
+    """Whether the arm's speed changes clearly less with even times [T] s than with the stamps, in judged steps."""
+    return _changes(stamps, moved, judged) >= _SMOOTHER * _changes(even, moved, judged)
 
 
 @dataclass(frozen=True, slots=True)
@@ -229,7 +268,9 @@ def _ways(time: Floats, x: Floats, x_step: Floats) -> _Ways | None:
         return None
     nan = np.full(len(way), np.nan)
     nan[fast & (ahead > _AHEAD * usual)] = 1.0
-    return _Ways(step_s / usual_s * nan, way / np.maximum(usual, 1e-12) * nan, usual_s, fast)
+    three = np.pad(np.linalg.norm(x[3:] - x[:-3], axis=1), 1)
+    usual = np.maximum(usual, 1e-12)
+    return _Ways(step_s / usual_s * nan, way / usual * nan, three / usual * nan, usual_s, fast)
 
 
 def _shifted(usual: Floats) -> Floats:
@@ -269,15 +310,16 @@ def even_times(
 
 
 def _missing(beyond: Floats, ways: _Ways) -> int:
-    """Steps across which the arm covers the way of two rows, and beside which it covers that of one.
+    """Steps across which the arm covers the way of two rows, and beside which it covers that of one, onwards.
 
-    Stamps that count rows are even; where they are not, they tell of the rows that are missing.
+    Stamps that count rows are even; where they are not, they tell of the rows that are missing. Beside a pose of
+    another time the arm goes back.
     """
     judged = ways.judged
     uneven = np.pad(judged & ~(np.abs(ways.step - 1) < _TWICE[1]), _AROUND)
     judged = judged & ~np.lib.stride_tricks.sliding_window_view(uneven, 2 * _AROUND + 1).any(axis=1)
     alone = np.pad(np.abs(np.where(judged, beyond, 0.0)) < _TWICE[1], 1, constant_values=True)
-    twice = judged & (np.abs(beyond - 1) < 1 - _TWICE[0]) & alone[:-2] & alone[2:]
+    twice = judged & (np.abs(beyond - 1) < 1 - _TWICE[0]) & alone[:-2] & alone[2:] & (ways.three > 3)
     return int(twice.sum())
 
 

@@ -47,7 +47,7 @@ def test_tables_that_are_no_dataset_are_named(folder):
     cases = {
         "lacks P, q6": table.drop_columns(["P", "q6"]),
         "with a time zone": table.set_column(table.column_names.index("time"), "time", time.cast(pa.timestamp("ns"))),
-        "holds string, expected numbers": table.append_column("tool", pa.array(["x"] * len(table))),
+        "holds text, expected numbers": table.append_column("tool", pa.array(["x"] * len(table))),
         "row 6 is not 0.04 s after": pa.concat_tables([table.slice(0, 5), table.slice(8)]),
         "the table has no rows": table.slice(0, 0),
         "expected train, validation or test": table.set_column(1, "split", pa.array(["all"] * len(table))),

@@ -30,11 +30,35 @@ GOOD = pd.concat([one(number) for number in range(2)], ignore_index=True)
         (GOOD.iloc[::-1], "is not later than the row before; sort by time"),
         (GOOD.assign(P=40.0), "P is 40 W in all rows"),
         (GOOD.assign(P=1000 * GOOD.P), "is it in mW"),
+        (GOOD.set_axis(pd.MultiIndex.from_product([GOOD.columns, ["SI"]]), axis=1), r"get_level_values\(0\)"),
+        (GOOD.assign(q1=pd.arrays.SparseArray(GOOD.q1)), "cannot be read: Sparse"),
+        (GOOD.assign(P=GOOD.P.map("{:.2f}".format).str.replace(".", ",")), "column P: holds text, expected numbers"),
     ],
 )
 def test_a_frame_of_another_kind_is_refused_with_the_remedy(tmp_path, frame, line):
     with pytest.raises(acqd.UserError, match=line):
         acqd.Dataset.from_pandas(frame, tmp_path / "ds", robot="ur10e", measured="simulated")
+
+
+def fast(frame, names=tuple(f"q{axis + 1}" for axis in range(6))):
+    """Angles that turn 0.2 rad in 40 ms, of which a recorder holds one for five rows in a second."""
+    rows = np.arange(len(frame))
+    held = np.maximum.accumulate(np.where((rows % 25 < 5) & (rows % 300 > 0), 0, rows))
+    angles = {name: (0.8 * np.sin(1.2 * SECONDS[rows % 300] * (1 + 0.1 * k)))[held] for k, name in enumerate(names)}
+    return frame.assign(**angles)
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_an_index_of_recordings_and_times_is_read_and_held_poses_are_no_jump(tmp_path):
+    frame = fast(GOOD).set_index(["recording", "time"])
+    data = acqd.Dataset.from_pandas(frame, tmp_path / "ds", robot="ur10e", measured="simulated")
+    assert data.recordings == ["rec0", "rec1"]
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning", "ignore::UserWarning")
+def test_an_arm_that_stands_still_leads_to_no_warning_of_arithmetic(tmp_path):
+    still = GOOD.assign(**{f"q{axis + 1}": 0.5 for axis in range(6)})
+    acqd.Dataset.from_pandas(still, tmp_path / "ds", robot="ur10e", measured="simulated")
 
 
 @pytest.mark.filterwarnings("ignore::UserWarning")

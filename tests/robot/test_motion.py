@@ -56,6 +56,29 @@ def test_poses_older_than_their_stamp_are_found_with_their_age(rows_late):
 
 
 @needs_robot_logs
+@pytest.mark.parametrize("rows_ahead", [1, 2])
+def test_poses_that_are_read_ahead_and_then_again_are_early_and_their_neighbours_are_right(rows_ahead):
+    t, q = real()
+    wrong = np.random.default_rng(3).random(len(t)) < 0.02
+    doubts = doubtful_rows(t, q[np.minimum(np.arange(len(t)) + rows_ahead * wrong, len(t) - 1)], ROBOT.speed)
+    assert (doubts.any & ~wrong).sum() <= 0.25 * wrong.sum()
+    assert 0.02 / 1.5 < doubts.quality().bad_share < 1.5 * 0.02
+    assert doubts.early.sum() > 3 * doubts.old.sum()
+
+
+@needs_robot_logs
+def test_messages_that_overtake_each_other_are_early_and_old():
+    t, q = real()
+    first = np.flatnonzero(np.random.default_rng(4).random(len(t) - 1) < 0.01)
+    order = np.arange(len(t))
+    order[first], order[first + 1] = first + 1, first
+    wrong = order != np.arange(len(t))
+    doubts = doubtful_rows(t, q[order], ROBOT.speed)
+    assert (doubts.any & ~wrong).sum() <= 0.15 * wrong.sum()
+    assert 0.02 / 1.5 < doubts.quality().bad_share < 1.5 * 0.02
+
+
+@needs_robot_logs
 @pytest.mark.parametrize("times", [2, 4, 10])
 def test_a_recorder_that_is_faster_than_the_controller_keeps_each_pose_once(times):
     t, q = real()

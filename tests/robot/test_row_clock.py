@@ -64,6 +64,33 @@ def test_rows_that_were_stamped_when_they_came_are_put_at_the_controllers_rate(r
     assert log.quality.as_json()["late_stamps_ms"] > 30
 
 
+@pytest.mark.parametrize(("share", "most_s"), [(0.02, 0.03), (0.005, 0.08)])
+def test_rows_behind_a_late_one_are_put_right_and_the_others_keep_their_times(real, share, most_s):
+    t, q = real
+    random, stamps = np.random.default_rng(6), t.copy()
+    for row in np.flatnonzero(random.random(len(t)) < share):  # those that waited come at once
+        queue = slice(row, row + 14)
+        stamps[queue] = np.maximum(
+            stamps[queue], t[row] + random.uniform(0.01, most_s) + 2e-4 * np.arange(len(t[queue]))
+        )
+    found = late_stamps(np.maximum.accumulate(stamps), q, ROBOT.speed, FINE)
+    moves = np.linalg.norm(np.gradient(q, t, axis=0) / ROBOT.speed, axis=1) > 0.05
+    late = stamps - t > 0.01
+    assert found.few and np.sqrt(np.mean((found.time - t)[moves & late] ** 2)) < 0.006
+    assert np.median(np.abs(found.time - t)[~late]) < 1e-5
+    assert "were put at even distances from the others" in found.sentence()
+    log = log_with(1000 + np.maximum.accumulate(stamps), q)
+    assert not log.quality.times_put_right and log.quality.bad_share < 0.03
+
+
+def test_a_pose_of_another_time_is_no_missing_row(real):
+    t, q = real
+    first = np.flatnonzero(np.random.default_rng(4).random(len(t) - 1) < 0.01)
+    order = np.arange(len(t))
+    order[first], order[first + 1] = first + 1, first
+    assert clock_fault(t, q[order], ROBOT.speed, FINE) is None
+
+
 def test_uneven_times_that_are_the_controllers_own_are_kept(real):
     t, q = real
     assert late_stamps(t, q, ROBOT.speed, FINE) is None
