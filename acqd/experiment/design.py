@@ -101,15 +101,15 @@ class Designed:
 def next_motion(report: Path, asked: Asked, progress: Progress) -> Designed:
     """Design the recording that decides. Raises UserError, InputError."""
     require_known(asked.causes)
-    question = question_of(report, progress)
+    question = question_of(report, asked.causes, progress)
     subject = question.subject
     space = Space.of(
         Arm(subject.robot), load_scene(asked.scene), [*subject.reference, *subject.fit], subject.data.step_s,
         asked.share_of_speed, asked.workspace,
     )  # fmt: skip
     progress("planning pieces of motion", 0.0)
-    pieces = {piece.name: piece for piece in pieces_of(space, asked.seed)}
-    if not any(piece.seconds <= 60 * asked.minutes for piece in pieces.values()):
+    pieces = {piece.name: piece for piece in pieces_of(space, asked.seed, 60 * asked.minutes)}
+    if not pieces:
         raise UserError(
             f"{subject.robot.name}: no motion of {asked.minutes:g} min keeps limits, workspace and obstacles; "
             "allow a larger workspace, more speed or more minutes"
