@@ -89,13 +89,19 @@ class Designed:
 
     @property
     def needed(self) -> bool:
-        """Whether the recordings so far leave a question."""
-        return self.so_far.right(self.causes) < _SURE
+        """Whether the recordings so far leave a question: by what the loop has said, or by what they can tell."""
+        return self.question.open or self.so_far.right(self.causes) < _SURE
+
+    @property
+    def unexpected(self) -> bool:
+        """Whether the loop has left open what the recordings so far should have told."""
+        return self.question.open and self.so_far.right(self.causes) >= _SURE
 
     @property
     def decides(self) -> bool:
         """Whether the recording is worth its time; one that decides nothing may raise new doubts."""
-        return self.needed and self.after.right(self.causes) - self.so_far.right(self.causes) >= _WORTH_IT
+        now, after = self.so_far.right(self.causes), self.after.right(self.causes)
+        return self.needed and (after >= _SURE or after - now >= _WORTH_IT)
 
 
 def next_motion(report: Path, asked: Asked, progress: Progress) -> Designed:
