@@ -64,10 +64,10 @@ class Closed:
 
     @property
     def hypotheses(self) -> list[Hypothesis]:
-        """Rows of the table that are no finding: selected effects without a name, then those of the last step."""
+        """Rows of the tables that are no finding: effects without a name, the last step, what sessions differ by."""
         selected = {(each.id, each.finding.candidate.label) for each in self.selection.effects}
         rest = [row for row in self.selection.table if (row.id, row.where) not in selected]
-        return [*self.improved.hypotheses, *rest]
+        return [*self.improved.hypotheses, *rest, *self.selection.usual]
 
     @property
     def errors_after(self) -> list[Floats]:

@@ -16,6 +16,7 @@ from acqd.discrepancy.remarks import (
     not_added,
     stages_of,
     unused_efforts,
+    usual_differences,
 )
 from acqd.discrepancy.repair.correcting import corrected, tried
 from acqd.discrepancy.repair.guard import improve
@@ -47,7 +48,7 @@ def close_loop(config: CloseConfig, progress: Progress) -> Closed:
     predictive = Predictive.of(selection, subject)
     improved = improve(
         subject, effects, errors_before, predictive, config.seed,
-        grown=usual.exceeded_by(subject.held_out, errors_before),
+        grown=lambda errors: usual.exceeded_by(subject.held_out, errors),
     )  # fmt: skip
     trial = tried(subject, selection, improved, predictive, config.seed)
     verdict, remarks = settled(subject, selection, improved, errors_before, usual, trial)
@@ -58,10 +59,14 @@ def close_loop(config: CloseConfig, progress: Progress) -> Closed:
     after = quality(improved.errors)
     if after.rmse < floor_W:  # no model can be better than the noise: brakes and supplies act at rest, too
         floor_W, floor_source = after.rmse, "of the residual, which is smaller than what the power varies by at rest"
-    warnings = [*differing_logs(selection, improved), *common_load(selection), *drifted_level(selection)]
+    warnings = [
+        *differing_logs(selection, improved),
+        *common_load(selection),
+        *drifted_level(selection),
+        *usual_differences(selection),
+    ]
     progress("what these recordings can tell", 0.0)
-    unexplained = selection.keeping(set())
-    ability = Ability.of(unexplained.rows, unexplained.design.columns.in_question)
+    ability = Ability.of(selection.unexplained, selection.design.columns.in_question)
     return Closed(
         ability=ability, subject=subject, selection=selection, improved=improved, before=quality(errors_before),
         after=after, errors_before=errors_before, floor_W=floor_W, floor_source=floor_source,

@@ -58,6 +58,15 @@ def drifted_level(selection: Selection) -> list[str]:
     return [f"{size} may be drift of the standby power: unchanged sessions differ by as much"]
 
 
+def usual_differences(selection: Selection) -> list[str]:
+    """A note of what would lead if unchanged sessions did not differ by as much."""
+    return [
+        f"{each.id} ({each.where}): unchanged sessions of the reference differ by as much, so that effects are judged "
+        "beside such a difference"
+        for each in selection.usual
+    ]
+
+
 def common_load(selection: Selection) -> list[str]:
     """A note of a load that both sides have, and what it may hide."""
     load = selection.design.columns.load

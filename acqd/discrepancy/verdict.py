@@ -40,8 +40,9 @@ def settled(
         if grown or (trial is not None and trial.predicts and trial.gain_W > 0):
             return "unknown_structure", []
         return "not_identifiable", [f"what follows an unnamed cause is in an error that has not grown ({sizes})"]
-    if selection.withdrawn:
-        more = f"{selection.withdrawn} explains more than every name, and unchanged sessions differ by it, too"
+    laws = [each.name for each in selection.usual if not each.id]
+    if laws:
+        more = f"{laws[0]} explains more than every name, and unchanged sessions differ by it, too"
         return "not_identifiable", [more]
     if improved.hypotheses:
         return "not_identifiable", []

@@ -47,6 +47,7 @@ KEYS: dict[str, tuple[str, str]] = {
     "joint_level": ("text or null", "what torques or currents say, in words"),
     "joints": ("list", "torque residual before and after, for each joint"),
     "hypotheses": ("list", "leading effects with evidence, limit, and what is missing; also without a verdict"),
+    "steps": ("list", "table of hypotheses of every step of the search, the largest evidence first"),
     "ability": (
         "`{power, effects, not_judged}`",
         "smallest size of every effect that these recordings tell, and rivals",

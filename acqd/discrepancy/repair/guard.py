@@ -70,12 +70,13 @@ class Improved:
 
 def improve(
     subject: Subject, effects: list[Reported], errors_before: list[Floats], predictive: Predictive, seed: int,
-    *, grown: bool,
+    *, grown: Callable[[list[Floats]], bool],
 ) -> Improved:  # fmt: skip
     """Add named effects; the guard refuses what does not predict the held-out recordings.
 
     What predicts them beside a level that varies, and does not reduce the error in W, is reported and not added, if the
-    error has `grown` beyond that of the reference: in a usual error, a density may follow what sessions differ by.
+    error that the added effects leave has `grown` beyond that of the reference: in a usual error, a density may follow
+    what sessions differ by.
     """
     named = [each for each in effects if each.status == "named"]
     if not named:
@@ -94,13 +95,13 @@ def improve(
         restored, added, base, after = [], [], subject.model, errors_before
     else:
         after = errors.of(added)
-    before, now = rms(errors_before), rms(after)
+    before, now, rest = rms(errors_before), rms(after), grown(after)
     keys = {each.key for each in restored + added}
     gains = {each.key: rms(errors.of([o for o in added if o.key != each.key])) - now for each in added}
     judged = {
         each.key: replace(each, status="added", gain_W=gains.get(each.key, before - now))
         if each.key in keys
-        else _not_added(each, predicts=grown and any(each.key == other.key for other in predicting))
+        else _not_added(each, predicts=rest and any(each.key == other.key for other in predicting))
         for each in named
     }
     return Improved(base, tuple(judged.get(each.key, each) for each in effects), after)

@@ -27,10 +27,6 @@ def named_effects(
         if judged[selected.key].status == "named" and _only_beyond_reference(selection, selected):
             lacks = "evidence at speeds that the reference has, too"
             judged[selected.key] = judged[selected.key].without_name("hypothesis", lacks)
-    named = {key for key, each in judged.items() if each.status == "named"}
-    if named and len(named) < len(judged):  # sizes beside an effect without a name are not those of the report
-        alone = selection.keeping(named)
-        judged |= {each.key: named_or_not(reported(alone, each, scale)) for each in alone.effects}
     return [*effects, *judged.values()]
 
 

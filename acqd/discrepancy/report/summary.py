@@ -55,6 +55,7 @@ def as_json(config: CloseConfig, closed: Closed) -> dict[str, Any]:
         "joint_level": None if closed.joints is None else closed.joints.as_text(),
         "joints": [] if closed.joints is None else closed.joints.as_json(),
         "hypotheses": [each.as_json() for each in closed.hypotheses],
+        "steps": [[each.as_json() for each in table] for table in closed.selection.tables],
         "ability": closed.ability.as_json(),
         "next": next_steps(closed),
         "notes": closed.notes,

@@ -13,9 +13,8 @@ from acqd.report.digits import number, percent
 
 def way_of(closed: Closed, effect_id: str) -> list[str]:
     """One line per step of the selection and per later rule, in their order."""
-    tables = [*(selected.table for selected in closed.selection.effects), closed.selection.table]
     lines = []
-    for step, table in enumerate(tables, 1):
+    for step, table in enumerate(closed.selection.tables, 1):
         row = next((each for each in table if each.id == effect_id), None)
         if row is not None:
             lines.append(f"step {step}: {_row(row, table)}")
@@ -31,7 +30,7 @@ def _row(row: Hypothesis, table: tuple[Hypothesis, ...]) -> str:
     sessions = "" if np.isinf(row.beyond_sessions) else f", beyond unchanged sessions {row.beyond_sessions:.0f}"
     size = f"{number(row.rms_W)} W while acting, {number(row.least_W)} W matter"
     place = f"{row.id} ({row.where}; {sizes}): {evidence}{sessions}; {size}"
-    if row.status == "named":
+    if row.status == "leads":
         second = next((each for each in table if each is not row), None)
         ahead = (
             "" if second is None else f", {row.finding.evidence - second.finding.evidence:.0f} ahead of {second.name}"

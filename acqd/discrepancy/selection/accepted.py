@@ -17,8 +17,8 @@ from acqd.models.effects.laws.law import Law
 from acqd.models.effects.places import Place
 
 Verdict = Literal["effects_found", "nothing_left", "unknown_structure", "not_identifiable"]
-Status = Literal["named", "family", "candidate", "refused"]
-"""Leads and passes all rules; within the margin of the leader; behind the leader; fails a rule."""
+Status = Literal["leads", "candidate", "refused"]
+"""Leads and passes all rules; passes by itself, behind the leader; fails a rule."""
 
 
 def unnamed(quantity: str) -> str:
@@ -159,10 +159,12 @@ class Selection:
     """Logged torques before any effect."""
     effects: tuple[Selected, ...] = ()
     unknown: Unknown | None = None
+    steps: tuple[tuple[Hypothesis, ...], ...] = ()
+    """Tables of the steps of the search, but for the last one."""
     table: tuple[Hypothesis, ...] = ()
     """Of the step that ended the search."""
-    withdrawn: str = ""
-    """A law, in words, that explains more than the names in its place, and that unchanged sessions differ by, too."""
+    usual: tuple[Hypothesis, ...] = ()
+    """What unchanged sessions differ by, too: random effects of the logs in question."""
     standing: Standing | None = None
     """Of every kind of hypothesis before the first effect was selected; None where nothing acts."""
 
@@ -176,14 +178,18 @@ class Selection:
         """The base model and all selected effects."""
         return self.rows.regression
 
-    def keeping(self, keys: set[str]) -> Selection:
-        """With some of the effects only: what has no name explains nothing beside the others."""
+    @property
+    def tables(self) -> list[tuple[Hypothesis, ...]]:
+        """Of every step of the search."""
+        return [*self.steps, self.table]
+
+    @property
+    def unexplained(self) -> Rows:
+        """Rows of the base model alone, in which the selected effects compete again."""
         regression = self.regression
         for each in self.effects:
-            if each.key not in keys:
-                regression = regression.without(each.key)
-        kept = tuple(each for each in self.effects if each.key in keys)
-        return replace(self, rows=replace(self.rows, regression=regression), effects=kept)
+            regression = regression.without(each.key)
+        return replace(self.rows, regression=regression)
 
     @property
     def verdict(self) -> Verdict:

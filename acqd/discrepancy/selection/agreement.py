@@ -7,14 +7,11 @@ passes, the sessions have columns of their own: what one size for all leaves is 
 
 from __future__ import annotations
 
-import numpy as np
-
-from acqd.dataset.split import log_name
 from acqd.discrepancy.regression.least_squares import Column
 from acqd.discrepancy.selection.accepted import Selected
 from acqd.discrepancy.selection.judging import kinds_of, margin
 from acqd.discrepancy.selection.ranking import Rows, prior_deviations, ranked
-from acqd.discrepancy.selection.spread import sessions_of
+from acqd.discrepancy.selection.spread import logs_in_question
 
 
 def disagreements(rows: Rows, selected: Selected) -> tuple[dict[str, float], list[Column]]:
@@ -26,15 +23,14 @@ def disagreements(rows: Rows, selected: Selected) -> tuple[dict[str, float], lis
     another size, too.
     """
     design = rows.design
-    logs = sessions_of(design.parts, in_question=True)
+    logs = logs_in_question(design)
     same = [each for each in design.columns.candidates if each.id == selected.id]
     if len(logs) < 2 or not same:  # what was detected in the residual has no columns of its own
         return {}, []
     kinds = kinds_of(design.columns.candidates) * len(logs)
     evidence: dict[str, float] = {}
     columns: list[Column] = []
-    for log in logs:
-        gate = np.array([float(part.in_question and log_name(part.recording) == log) for part in design.parts])
+    for log, gate in logs.items():
         found = ranked(rows, gate, same)
         if not found or found[0].evidence <= margin(rows, gate, found[0], [selected.finding], kinds):
             continue

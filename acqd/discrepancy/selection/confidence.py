@@ -8,18 +8,18 @@ tell them apart (ADR 26).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from acqd.arrays import Floats
+from acqd.discrepancy.regression.least_squares import Column
 from acqd.discrepancy.selection.accepted import Selected, Selection, Unknown, unnamed
 from acqd.discrepancy.selection.judging import best_of_each, kinds_of, left_by, margin, possible
-from acqd.discrepancy.selection.placing import without
+from acqd.discrepancy.selection.placing import placed, without
 from acqd.discrepancy.selection.ranking import Finding, Rows, gains, ranked
-from acqd.discrepancy.selection.shape_fit import fit_shape
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.discrepancy.thresholds.chance import by_chance
 
@@ -101,43 +101,87 @@ def _share(odds: Floats, names: NDArray[np.str_]) -> float:
 
 
 def _contenders(selection: Selection, rows: Rows, selected: Selected) -> tuple[Rows, Finding, list[Finding]]:
-    """The effect and its rivals on the same rows, with fitted shapes of the best ones."""
-    taken = _taken_by(selection)
+    """The effect and its rivals on the same rows; the best of these in a fitted shape at the fewest places, too."""
+    taken, gate = _taken_by(selection), selected.gate.open
     detected = [each.finding.candidate for each in selected.table if each.finding.candidate.detected]
     pool = [c for c in (*selection.design.columns.candidates, *detected) if c.id not in taken and c.id != selected.id]
-    best = best_of_each(ranked(rows, selected.gate.open, pool))
+    findings, kinds = ranked(rows, gate, pool), kinds_of(selection.design.columns.candidates)
+    best = best_of_each(findings)
     effects = [each for each in best if each.candidate.id][:_EFFECTS]
     fitted = []
     for rival in effects[:_FITTED]:
         if not rival.candidate.detected:
-            fit = fit_shape(rows, selected.gate.open, rival, None)
+            fit = placed(rows, gate, rival, findings, kinds, None)
             rows = fit.rows
             fitted.append(fit.finding)
         else:
             fitted.append(rival)
     laws = [each for each in best if not each.candidate.id][:_LAWS]
-    own = ranked(rows, selected.gate.open, [selected.finding.candidate])
+    own = ranked(rows, gate, [selected.finding.candidate])
     return rows, own[0] if own else selected.finding, [*fitted, *effects[_FITTED:], *laws]
 
 
 def _odds(rows: Rows, selected: Selected, own: Finding, rival: Finding, gained: Floats, kinds: int) -> float:
+    """Probability that the rival is right in the place of the effect, over that of the opposite.
+
+    A law may act beside the effect, and is never selected there: the effect is wrong if it explains less than the law,
+    and nothing beside it.
+    """
+    odds = _explains_more(rows, selected, own, rival, gained, kinds)
+    if rival.candidate.id or odds <= THRESHOLDS.chance:
+        return odds
+    return min(odds, _superfluous_beside(rows, selected, own, rival, gained[0], kinds))
+
+
+def _explains_more(rows: Rows, selected: Selected, own: Finding, rival: Finding, gained: Floats, kinds: int) -> float:
     """Probability that the rival explains more than the effect, over that of the opposite.
 
     A law has to explain more by the margin: names are preferred, and a curve takes what wrong columns leave. What these
-    could move from one to the other is a 95 % limit. Recordings that say more of the effect say more of
-    the difference too: its spread is that about a line through zero (the regression estimator of Cochran 1977). What
-    the description of the base model contributes to the evidence is no recording's: the sum of gains may be zero.
+    could move from one to the other is a 95 % limit. What the description of the base model contributes to the evidence
+    is no recording's: the sum of gains may be zero.
     """
     of_columns = THRESHOLDS.column_error**2 * left_by(rows.design, selected.gate.open, rival, [own])
     ahead = own.evidence - rival.evidence
     if not rival.candidate.id:
         ahead += by_chance(kinds) + of_columns
-    differences = gained[0] - gained[1]
+    return _against(
+        ahead,
+        float(np.hypot(_error(gained[0] - gained[1], gained[0]), of_columns / THRESHOLDS.interval_width)),
+        gained.shape[1],
+    )
+
+
+def _superfluous_beside(
+    rows: Rows, selected: Selected, own: Finding, law: Finding, gained: Floats, kinds: int
+) -> float:
+    """Probability that the effect explains nothing beside a law, over that of the opposite.
+
+    `gained` [recordings] without the law. What wrong columns of the law leave counts as chance does.
+    """
+    gate = selected.gate.open
+    columns = [Column(int(index), gate, owner="law") for index in law.candidate.indices]
+    beside = replace(rows, regression=rows.regression.with_columns(rows.design.blocks, columns))
+    again = ranked(beside, gate, [own.candidate])
+    if not again:
+        return np.inf
+    ahead = again[0].evidence - margin(rows, gate, own, [law], kinds)
+    _, rest = gains(beside, gate, again)
+    return _against(ahead, _error(rest[0], gained), len(gained))
+
+
+def _error(differences: Floats, gained: Floats) -> float:
+    """Standard error of a sum over recordings [n], of which some say more: those that gain more by the effect.
+
+    The spread is that about a line through zero (the regression estimator of Cochran 1977).
+    """
     count = len(differences)
-    scatter = differences - gained[0] * float(gained[0] @ differences) / max(float(gained[0] @ gained[0]), 1e-12)
-    spread = float(scatter @ scatter) * count / max(count - 1, 1)
-    error = max(float(np.hypot(np.sqrt(spread), of_columns / THRESHOLDS.interval_width)), 1.0)
-    wins = float(student.cdf(ahead / error, count - 1 + THRESHOLDS.few_sessions))
+    scatter = differences - gained * float(gained @ differences) / max(float(gained @ gained), 1e-12)
+    return float(np.sqrt(scatter @ scatter * count / max(count - 1, 1)))
+
+
+def _against(ahead: float, error: float, recordings: int) -> float:
+    """Odds against a difference of evidence above zero, with Student's degrees of freedom."""
+    wins = float(student.cdf(ahead / max(error, 1.0), recordings - 1 + THRESHOLDS.few_sessions))
     return (1 - wins) / max(wins, 1e-9)
 
 

@@ -10,15 +10,18 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from acqd.discrepancy.regression.least_squares import Column
 from acqd.discrepancy.regression.setup import Setup
-from acqd.discrepancy.selection.accepted import Hypothesis, Selected, Selection, Unknown, unnamed
+from acqd.discrepancy.selection.accepted import Hypothesis, Selected, Selection, Unknown
 from acqd.discrepancy.selection.agreement import disagreements
-from acqd.discrepancy.selection.judging import kinds_of, margin
+from acqd.discrepancy.selection.judging import USUAL, kinds_of, margin
 from acqd.discrepancy.selection.placing import placed, selected, without
 from acqd.discrepancy.selection.ranking import Rows, ranked
 from acqd.discrepancy.selection.session_columns import with_sessions
-from acqd.discrepancy.selection.step import State, Step
+from acqd.discrepancy.selection.spread import logs_in_question, variance_of_sessions
+from acqd.discrepancy.selection.step import State, Step, led_by
 from acqd.discrepancy.selection.supply_response import with_loaded_laws
 
 
@@ -38,8 +41,6 @@ class Doubt:
     rows: Rows
     """With the columns of the step's detections."""
     law: Unknown
-    passes: bool
-    """Whether the law by itself shows that something is there; else only the name is in doubt."""
     table: tuple[Hypothesis, ...]
 
 
@@ -48,16 +49,18 @@ def select(setup: Setup, limits: Limits, progress: Callable[[str], None]) -> Sel
     rows = with_sessions(setup)
     state = State(rows, rows, tuple(setup.gates), kinds_of(setup.design.columns.candidates))
     state, doubt = _grown(state, limits, progress)
-    state, withdrawn = _settled(state), ""
+    state = _settled(state)
     if doubt is not None:
         number = len(doubt.before.effects)
         names = sum(each.net for each in state.effects[number:])
         if _explained_by_law(doubt, limits) > names:
-            unknown = doubt.law if doubt.passes else None
-            withdrawn = "" if doubt.passes else unnamed(doubt.law.finding.candidate.label)
-            state = replace(doubt.before, rows=doubt.rows, unknown=unknown, table=doubt.table, standing=state.standing)
+            table = led_by(doubt.table, doubt.law.finding)
+            state = replace(doubt.before, rows=doubt.rows, unknown=doubt.law, table=table, standing=state.standing)
     rows = replace(state.rows, regression=state.rows.regression.on(state.rows.design.blocks))
-    return Selection(rows, setup.design.witness, state.effects, state.unknown, state.table, withdrawn, state.standing)
+    return Selection(
+        rows, setup.design.witness, state.effects, state.unknown, steps=state.steps, table=state.table,
+        usual=state.usual, standing=state.standing,
+    )  # fmt: skip
 
 
 def _grown(state: State, limits: Limits, progress: Callable[[str], None]) -> tuple[State, Doubt | None]:
@@ -73,15 +76,19 @@ def _grown(state: State, limits: Limits, progress: Callable[[str], None]) -> tup
         if varied is not None:
             state = varied
             continue
+        if step.usual is not None:
+            state = _with_usual(state, step)
+            continue
         if step.leader is None:
-            unknown = step.unknown if step.law is not None and step.law.passes else None
-            state = replace(state, rows=step.rows, unknown=unknown, table=step.table)
+            unknown = None if step.law is None else step.unknown
+            table = step.table if unknown is None else led_by(step.table, unknown.finding)
+            state = replace(state, rows=step.rows, unknown=unknown, table=table)
             break
         if step.outdone and doubt is None:
-            assert step.law is not None
-            doubt = Doubt(state, step.rows, step.unknown, step.law.passes, step.table)
+            doubt = Doubt(state, step.rows, step.unknown, step.table)
         rows, effect = step.accepted()
-        state = _with_effects(replace(state, rows=rows), (*state.effects, effect))
+        state = replace(state, rows=rows, steps=(*state.steps, step.table))
+        state = _with_effects(state, (*state.effects, effect))
     while (varied := _with_varied(state, 0.0)) is not None:  # of the last effect that the user asked for
         state = varied
     return state, doubt
@@ -92,10 +99,32 @@ def _with_effects(state: State, effects: tuple[Selected, ...]) -> State:
     base = replace(state.base, design=state.rows.design, regression=state.base.regression.on(state.rows.design.blocks))
     design, common = with_loaded_laws(base.design, base.regression, effects)
     keys = {each.key for each in effects}
-    varied = tuple(column for column in state.varied if column.varies in keys)
+    varied = tuple(column for column in state.varied if column.varies in {*keys, USUAL})
     columns = [*(column for each in effects for column in each.columns()), *varied]
     rows = replace(state.rows, design=design, regression=common.with_columns(design.blocks, columns))
     return replace(state, rows=rows, effects=effects, varied=varied)
+
+
+def _with_usual(state: State, step: Step) -> State:
+    """With random effects of every log in question, of the size that unchanged sessions differ by (ADR 26).
+
+    A clock that drifts in every session explains much and says nothing: effects are judged beside that.
+    """
+    assert step.usual is not None
+    finding = step.usual.finding
+    design = step.rows.design
+    regression = state.rows.regression.on(design.blocks)
+    weights = np.abs(finding.candidate.weights(finding.coefficients))
+    columns = []
+    for gate in logs_in_question(design).values():
+        variance, _ = variance_of_sessions(design, regression, finding, gate)
+        pairs = zip(finding.candidate.indices.tolist(), (weights * np.sqrt(variance)).tolist(), strict=True)
+        columns += [Column(index, gate, deviation, varies=USUAL) for index, deviation in pairs if deviation > 0]
+    rows = replace(state.rows, design=design, regression=regression.with_columns(design.blocks, columns))
+    return replace(
+        state, rows=rows, varied=(*state.varied, *columns), usual=(*state.usual, step.usual),
+        steps=(*state.steps, step.table),
+    )  # fmt: skip
 
 
 def _with_varied(state: State, beyond: float) -> State | None:

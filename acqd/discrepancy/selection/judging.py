@@ -23,7 +23,8 @@ from acqd.discrepancy.selection.standing import proportional
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.discrepancy.thresholds.chance import by_chance
 
-_SHOWN = 6
+USUAL = "more than what unchanged sessions of the reference differ by"
+"""What a hypothesis lacks that is no more than such a difference."""
 
 
 def kinds_of(candidates: Sequence[Candidate]) -> int:
@@ -82,7 +83,7 @@ def judged(
     if finding.evidence <= least:
         missing.append(f"evidence above {least:.0f}")
     if beyond <= by_chance(kinds):
-        missing.append("more than what unchanged sessions of the reference differ by")
+        missing.append(USUAL)
     if rms_W <= least_W:
         missing.append(f"a size that matters ({least_W:.2g} W while acting)")
     if not possible(rows, gate, finding, known, kinds):

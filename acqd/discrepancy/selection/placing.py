@@ -46,7 +46,7 @@ def selected(
     assert candidate.variant is not None
     shape = fit.shape | library()[candidate.id].fixed_shape(fit.rows.design.columns.scenes)
     place = (candidate.fitted or candidate.variant).place
-    return Selected(fit.finding, gate, place, shape, replace(row, finding=fit.finding, status="named"), witness, table)
+    return Selected(fit.finding, gate, place, shape, replace(row, finding=fit.finding, status="leads"), witness, table)
 
 
 def without(rows: Rows, effect: Selected) -> Rows:

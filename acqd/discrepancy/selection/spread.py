@@ -171,6 +171,11 @@ def sessions_of(parts: list[Part] | tuple[Part, ...], *, in_question: bool) -> d
     return {name: np.array(blocks) for name, blocks in sessions.items()}
 
 
+def logs_in_question(design: Design) -> dict[str, Floats]:
+    """[blocks] gate of every log in question."""
+    return {name: _gate(design, blocks) for name, blocks in sessions_of(design.parts, in_question=True).items()}
+
+
 def _gate(design: Design, blocks: NDArray[np.int64]) -> Floats:
     gate = np.zeros(len(design.parts))
     gate[blocks] = 1.0

@@ -9,9 +9,9 @@ import numpy as np
 from acqd.discrepancy.regression.design_columns import Candidate
 from acqd.discrepancy.regression.least_squares import Column
 from acqd.discrepancy.regression.onset import Gate
-from acqd.discrepancy.selection.accepted import Hypothesis, Selected, Unknown
+from acqd.discrepancy.selection.accepted import Hypothesis, Selected, Unknown, unnamed
 from acqd.discrepancy.selection.detectors.candidates import Detection, detect
-from acqd.discrepancy.selection.judging import best_of_each, judged, margin, white_power
+from acqd.discrepancy.selection.judging import USUAL, best_of_each, judged, margin, white_power
 from acqd.discrepancy.selection.placing import placed, selected
 from acqd.discrepancy.selection.ranking import Finding, Rows, ranked
 from acqd.discrepancy.selection.shape_fit import ShapeFit
@@ -38,15 +38,21 @@ class State:
     """Of logs that ask for other parameters of an effect."""
     law: Unknown | None = None
     """A law in the place of names."""
+    usual: tuple[Hypothesis, ...] = ()
+    """What unchanged sessions differ by, too: random effects of the logs in question."""
     unknown: Unknown | None = None
+    steps: tuple[tuple[Hypothesis, ...], ...] = ()
+    """Tables of the steps before."""
     table: tuple[Hypothesis, ...] = ()
+    """Of the step that ended the search."""
     standing: Standing | None = None
     """Of the first step."""
 
     @property
     def known(self) -> list[Finding]:
         """Findings that a later one is judged beside."""
-        return [each.finding for each in self.effects] + ([self.law.finding] if self.law is not None else [])
+        law = [] if self.law is None else [self.law.finding]
+        return [*(each.finding for each in self.effects), *(each.finding for each in self.usual), *law]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,8 +69,10 @@ class Step:
     detections: dict[str, Detection]
     leader: Hypothesis | None
     """The effect to select."""
+    usual: Hypothesis | None
+    """What would lead if unchanged sessions did not differ by as much; with columns over both sides."""
     law: Hypothesis | None
-    """The unnamed alternative that explains most, if that is more than chance."""
+    """The unnamed alternative that explains most, if that passes by itself."""
     outdone: bool
     """Whether the law explains more than the leader by the margin."""
     best: tuple[Finding, ...]
@@ -76,7 +84,9 @@ class Step:
     def of(cls, state: State) -> Step | None:
         """None where no candidate acts."""
         rows, detections, detected = _with_detections(state)
-        pool = [c for c in rows.design.columns.candidates if not _taken(c, state.effects)]
+        usual = {each.id or each.where for each in state.usual}
+        free = [c for c in rows.design.columns.candidates if (c.id or c.label) not in usual]
+        pool = [c for c in free if not _taken(c, state.effects)]
         gate, findings = _likeliest(rows, state, pool)
         findings += ranked(rows, state.gates[0].open, detected)
         if not findings:
@@ -120,15 +130,33 @@ class Step:
         law = next((judge(each, []) for each in best if not each.candidate.id), None)
         beyond = max(min(each.finding.evidence, each.beyond_sessions) for each in (leader, law) if each is not None)
         law = None if law is None or law.finding.evidence <= law.margin else law
-        outdone = False
+        outdone = leader is None
         if law is not None and leader is not None and first is not None:
             fit = fits[first.candidate.id]
             least = margin(fit.rows, gate.open, law.finding, [*state.known, first], state.kinds)
             outdone = law.finding.evidence > first.evidence + least
-        table = tuple(_row(each, judge(each, []), first) for each in shown)
-        if leader is not None and leader.missing:
-            leader = None
-        return cls(state, rows, gate, table, fits, detections, leader, law, outdone, tuple(best), beyond)
+        table = led_by(tuple(judge(each, []) for each in shown), first)
+        usual = None
+        if law is not None and law.missing == (USUAL,) and (outdone or (leader is not None and leader.missing)):
+            usual = law
+        elif leader is not None and leader.missing == (USUAL,):
+            usual = replace(leader, finding=scanned.get(leader.id, leader.finding))
+        leader = None if leader is None or leader.missing else leader
+        law = None if law is None or law.missing else law
+        return cls(
+            state,
+            rows,
+            gate,
+            table,
+            fits,
+            detections,
+            leader,
+            usual,
+            law,
+            outdone and law is not None,
+            tuple(best),
+            beyond,
+        )
 
     def standing(self) -> Standing:
         """Of every kind of hypothesis; of the laws, the best."""
@@ -172,15 +200,20 @@ def _first_name(best: list[Finding]) -> Finding | None:
     return next((each for each in best if each.candidate.id), None)
 
 
-def _row(finding: Finding, alone: Hypothesis, leader: Finding | None) -> Hypothesis:
-    """A row of the table, with what the hypothesis lacks against the leader."""
-    if finding is leader:
-        return replace(alone, status="refused" if alone.missing else "named")
-    if leader is None or alone.missing:
-        return alone
-    short = leader.evidence - finding.evidence
-    lacks = f"{short:.0f} more evidence than {leader.candidate.id}" if short > 0 else f"a name: {leader.candidate.id}"
-    return replace(alone, missing=(lacks,))
+def led_by(table: tuple[Hypothesis, ...], leader: Finding | None) -> tuple[Hypothesis, ...]:
+    """The table, with what every hypothesis that passes by itself lacks against the one that leads."""
+
+    def row(each: Hypothesis) -> Hypothesis:
+        if each.finding is leader:
+            return each if each.status == "refused" else replace(each, status="leads", missing=())
+        if leader is None or each.status == "refused":
+            return each
+        ahead = leader.candidate.id or unnamed(leader.candidate.label)
+        short = leader.evidence - each.finding.evidence
+        lacks = f"{short:.0f} more evidence than {ahead}" if short > 0 else f"a name: {ahead}"
+        return replace(each, status="candidate", missing=(lacks,))
+
+    return tuple(map(row, table))
 
 
 def _taken(candidate: Candidate, effects: tuple[Selected, ...]) -> bool:

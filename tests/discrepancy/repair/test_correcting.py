@@ -171,7 +171,7 @@ def test_a_law_is_corrected_beside_a_named_effect(robot):
     subject = subject_of(robot, model, model, fit, held_out, reference)
     friction = reported(selection, selection.effects[0], TorqueScale(1.0, 0.0))
     predictive = Predictive.of(selection, subject)
-    improved = improve(subject, [friction], errors_of(model, held_out), predictive, 1, grown=True)
+    improved = improve(subject, [friction], errors_of(model, held_out), predictive, 1, grown=lambda _: True)
     trial = tried(subject, selection, improved, predictive, 1)
     better, notes = corrected(subject, selection, improved, UsualError.of(subject, 0.5), trial)
     assert not notes and better.correction.follows == "a torque that depends on the angle of joint 3"

@@ -45,7 +45,7 @@ def test_a_base_model_that_is_wrong_in_another_motion_decides_little(robot):
     subject = subject_of(robot, model, model, fit, held_out, reference)
     payload = reported(selection, selection.effects[0], TorqueScale(1.0, 0.0))
     errors, predictive = errors_of(model, held_out), Predictive.of(selection, subject)
-    (judged,) = improve(subject, [payload], errors, predictive, 1, grown=True).effects
+    (judged,) = improve(subject, [payload], errors, predictive, 1, grown=lambda _: True).effects
     assert judged.status == "added"
     smooth = [
         each - rubbing(segment_scene(model, segment), None) for each, segment in zip(errors, held_out, strict=True)
@@ -65,7 +65,25 @@ def test_what_predicts_better_and_does_not_reduce_the_error_is_reported_and_not_
     for with_effect_W, grown, status in ((1.1, True, "reported"), (1.1, False, "refused"), (0.9, False, "added")):
         errors = {0: [np.full(50, 1.0)], 1: [np.full(50, with_effect_W)]}
         monkeypatch.setattr(guard._Errors, "of", lambda _, effects, errors=errors: errors[len(effects)])
-        (judged,) = improve(subject, [effect], errors[0], density, 1, grown=grown).effects
+        (judged,) = improve(subject, [effect], errors[0], density, 1, grown=lambda _, grown=grown: grown).effects
         assert judged.status == status
     nothing = SimpleNamespace(density=lambda errors, places: -float(len(places)), without_load=lambda errors: errors)
-    assert improve(subject, [effect], errors[0], nothing, 1, grown=True).effects[0].status == "refused"
+    assert improve(subject, [effect], errors[0], nothing, 1, grown=lambda _: True).effects[0].status == "refused"
+
+
+def test_beside_an_added_effect_the_error_that_is_left_decides_what_is_reported(monkeypatch):
+    """A payload explains the growth: a friction that follows what sessions differ by is then no finding."""
+    payload, friction = (
+        replace(found(name, {"torque": (0.9, 0.5)}, where=name), status="named")
+        for name in ("payload", "coulomb_friction")
+    )
+    sizes = {(): 3.0, ("payload",): 1.0, ("coulomb_friction",): 3.1, ("payload", "coulomb_friction"): 1.1}
+    errors = {key: [np.full(50, size)] for key, size in sizes.items()}
+    monkeypatch.setattr(guard._Errors, "of", lambda _, effects: errors[tuple(each.term.id for each in effects)])
+    subject = SimpleNamespace(model=grey(), question="change")
+    density = SimpleNamespace(density=lambda errors, places: float(len(places)), without_load=lambda errors: errors)
+    for usual_W, status in ((1.5, "refused"), (0.5, "reported")):
+        judged = improve(
+            subject, [payload, friction], errors[()], density, 1, grown=lambda e, usual=usual_W: e[0][0] > usual
+        ).effects
+        assert [each.status for each in judged] == ["added", status]

@@ -64,6 +64,24 @@ def test_a_name_needs_evidence_at_speeds_that_the_reference_has(beyond, status, 
     assert judged.status == status and ("speeds that the reference has" in judged.missing) is beyond
 
 
+def test_a_name_does_not_hang_on_the_name_of_what_acts_beside_it(monkeypatch):
+    """A contact beside a friction that may be a cold gear: the friction explains its part, named or not."""
+    seen = []
+
+    def reported(selection, effect, _):
+        seen.append(selection)
+        return replace(CERTAIN, family_confidence=0.5) if effect.key == "friction" else CERTAIN
+
+    monkeypatch.setattr(naming, "torque_scale", lambda _: None)
+    monkeypatch.setattr(naming, "reported", reported)
+    monkeypatch.setattr(naming, "_only_beyond_reference", lambda *_: False)
+    effects = tuple(SimpleNamespace(id=key, key=key) for key in ("friction", "contact"))
+    selection = SimpleNamespace(effects=effects, rows=None)
+    judged = naming.named_effects(None, selection, None, lambda *_: None)
+    assert [each.status for each in judged] == ["hypothesis", "named"]
+    assert all(each is selection for each in seen)
+
+
 def recordings(model, count, size_W, seed):
     random = np.random.default_rng(seed)
     made = [recording(model, k, rows=60, seed=seed) for k in range(count)]
@@ -119,7 +137,7 @@ def test_the_verdict_follows_from_names_laws_and_the_growth_of_the_error(
     effects += [CERTAIN.without_name("refused", "a better prediction")] if refused else []
     subject = SimpleNamespace(held_out=new, fit_s=fit_s)
     law = Unknown(None, SimpleNamespace(open=None), 15.0) if unknown else None
-    selection = SimpleNamespace(rows=None, unknown=law, withdrawn="")
+    selection = SimpleNamespace(rows=None, unknown=law, usual=())
     trial = None if gains is None else Trial(model, None, errors, None, None, gains[1], gains[0])
     assert settled(subject, selection, Improved(model, tuple(effects), errors), errors, usual, trial)[0] == verdict
 
@@ -128,7 +146,10 @@ def test_names_in_whose_place_sessions_may_stand_leave_no_absence():
     model = grey()
     usual = usual_of(recordings(model, 8, 6.0, 0)[1])
     new, errors = recordings(model, 6, 6.0, 3)
-    subject, selection = SimpleNamespace(held_out=new, fit_s=600), SimpleNamespace(unknown=None, withdrawn="a law")
+    subject, selection = (
+        SimpleNamespace(held_out=new, fit_s=600),
+        SimpleNamespace(unknown=None, usual=(SimpleNamespace(id="", name="a law"),)),
+    )
     verdict, notes = settled(subject, selection, Improved(model, (), errors), errors, usual, None)
     assert verdict == "not_identifiable" and notes[0].startswith("a law explains more than every name")
 

@@ -28,7 +28,7 @@ def found(identity, parameters, shape=None, where="each joint", unit="Nm", evide
     }
     term = Term(identity, where, shape or {}, (0,), np.zeros(1), values)
     candidate = Candidate(identity, where, np.zeros(1, dtype=int))
-    leader = Hypothesis(Finding(candidate, np.ones(1), np.ones(1), evidence), 15.0, np.inf, 5.0, 1.0, "named")
+    leader = Hypothesis(Finding(candidate, np.ones(1), np.ones(1), evidence), 15.0, np.inf, 5.0, 1.0, "leads")
     return Reported(
         term, leader, confidence=0.98, alternatives=(), start=None, consistency=1.0, recordings=6,
         family_confidence=0.98,

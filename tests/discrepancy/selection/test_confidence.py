@@ -62,7 +62,41 @@ def odds(own, rival, gained, monkeypatch, law=False, left=0.0):
         class gate:  # noqa: N801
             open = np.ones(1)
 
+    monkeypatch.setattr(sure, "_superfluous_beside", lambda *_: np.inf)
     return sure._odds(Rows(), Effect(), *findings, np.array(gained, dtype=float), 40)
+
+
+@pytest.fixture
+def beside(warm, monkeypatch):
+    """Odds that an effect is superfluous beside a law, where it has `rest` evidence and gains that of recordings."""
+    effect = warm.effects[0]
+    monkeypatch.setattr(sure, "margin", lambda *_: 20.0)
+
+    def odds_of(rest, gained):
+        again = replace(effect.finding, evidence=rest)
+        monkeypatch.setattr(sure, "ranked", lambda *_: [again])
+        monkeypatch.setattr(sure, "gains", lambda *_: (["a", "b", "c", "d"], np.array([gained], dtype=float)))
+        law = replace(effect.finding, candidate=replace(effect.finding.candidate, id=""))
+        return sure._superfluous_beside(warm.rows, effect, effect.finding, law, np.full(4, 100.0), 40)
+
+    return odds_of
+
+
+def test_an_effect_that_is_needed_beside_a_law_is_right_whatever_the_law_explains(beside):
+    """A heavier bob, and a friction whose curve has changed: both, not one in the place of the other."""
+    assert beside(45.0, [11, 12, 11, 11]) < 0.01
+    assert beside(15.0, [4, 4, 4, 4]) > 1.0
+    assert 0.1 < beside(45.0, [50, -5, 0, 0]) < 1.0
+
+
+def test_a_law_is_a_doubt_only_where_it_explains_more_and_leaves_nothing(monkeypatch):
+    monkeypatch.setattr(sure, "_explains_more", lambda *_: 0.5)
+    monkeypatch.setattr(sure, "_superfluous_beside", lambda *_: 0.01)
+    law, effect = Candidate("", "x", np.zeros(1, dtype=int)), Candidate("payload", "x", np.zeros(1, dtype=int))
+    of = {c.id: Finding(c, np.ones(1), np.ones(1), 100.0) for c in (law, effect)}
+    gained = np.ones((2, 4))
+    assert sure._odds(None, None, of["payload"], of[""], gained, 40) == 0.01
+    assert sure._odds(None, None, of["payload"], of["payload"], gained, 40) == 0.5
 
 
 def test_recordings_that_disagree_make_a_name_less_sure(monkeypatch):

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from acqd.discrepancy.selection import spread
-from acqd.discrepancy.selection.judging import judged, kinds_of, left_by, margin
+from acqd.discrepancy.selection.judging import USUAL, judged, kinds_of, left_by, margin
 from acqd.discrepancy.selection.placing import without
 from acqd.discrepancy.selection.ranking import ranked
 from acqd.discrepancy.selection.spread import learning_rate
 from acqd.discrepancy.thresholds import THRESHOLDS
 from tests.builders import recording
-from tests.discrepancy.independent import COMMON, column, extra_power, selected, since_release
+from tests.discrepancy.independent import COMMON, added_payload, column, extra_power, selected, since_release
 
 KINDS = 40
 CHANCE = 2 * np.log(KINDS / 0.02)
@@ -70,8 +70,23 @@ def test_what_unchanged_sessions_differ_by_is_no_change(model, robot):
     after = [recording(model, k, dry(8.0), rows=400, seed=2, start_s=1e9 + 5000) for k in range(5)]
     _, selection = selected(model, robot, after, before, COMMON)
     assert not selection.effects
-    row = next(each for each in selection.table if each.id == "coulomb_friction")
-    assert "more than what unchanged sessions of the reference differ by" in row.missing
+    assert selection.usual
+    assert all(each.missing == (USUAL,) and "joint 2" in each.where for each in selection.usual)
+
+
+@pytest.mark.slow
+def test_an_effect_is_named_beside_what_unchanged_sessions_differ_by(model, robot):
+    """The friction explains more than the payload, and is no change."""
+    before = [recording(model, k, dry(8.0 * (-1) ** k), rows=400, seed=1) for k in range(6)]
+
+    def both(scene, random):
+        return dry(8.0)(scene, random) + added_payload(scene, random)
+
+    after = [recording(model, k, both, rows=400, seed=2, start_s=1e9 + 5000) for k in range(5)]
+    _, selection = selected(model, robot, after, before, {"coulomb_friction", "payload"})
+    assert [each.id for each in selection.usual] == ["coulomb_friction"]
+    (payload,) = selection.effects
+    assert payload.id == "payload" and payload.finding.coefficients[0] == pytest.approx(2.0, abs=0.4)
 
 
 def test_columns_that_are_wrong_leave_a_share_of_what_a_known_effect_explains(friction):
@@ -117,23 +132,6 @@ def test_kinds_are_effects_and_laws_and_not_their_places(friction):
     assert kinds_of(candidates) == len({each.kind for each in candidates}) < len(candidates) / 4
     counts = {each.kind: each.tried for each in candidates}
     assert counts["coulomb_friction"] == sum(1 for each in candidates if each.kind == "coulomb_friction")
-
-
-def test_an_effect_without_a_name_explains_nothing_beside_the_others(model, robot):
-    """A friction and a constant load: the size of the friction alone is that of a selection without the load."""
-
-    def both(scene, random):
-        return dry(8.0)(scene, random) + 6.0
-
-    before = [recording(model, k, rows=400, seed=1) for k in range(5)]
-    after = [recording(model, k, both, rows=400, seed=2, start_s=1e9 + 5000) for k in range(5)]
-    _, selection = selected(model, robot, after, before, COMMON)
-    assert {each.id for each in selection.effects} == {"coulomb_friction", "offset_shift"}
-    friction = next(each for each in selection.effects if each.id == "coulomb_friction")
-    alone = selection.keeping({friction.key})
-    assert [each.id for each in alone.effects] == ["coulomb_friction"]
-    owners = {column.owner for column in alone.regression.columns}
-    assert friction.key in owners and not owners & ({each.key for each in selection.effects} - {friction.key})
 
 
 def test_a_long_log_is_as_many_sessions_as_it_is_longer_than_those_of_the_reference():
