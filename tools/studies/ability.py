@@ -61,8 +61,7 @@ def options() -> argparse.Namespace:
 def certificate(config: CloseConfig, subject: Subject) -> Ability:
     """What the loop says about unchanged recordings."""
     _, selection = search(config, subject, _silent)
-    without = selection.keeping(set())
-    return Ability.of(without.rows, without.design.columns.in_question)
+    return Ability.of(selection.unexplained, selection.design.columns.in_question)
 
 
 def drawn(ability: Ability, places: int, seed: int) -> Iterator[tuple[Smallest, float, Rival | None]]:
