@@ -1,48 +1,51 @@
-"""Whether the phase within a window is bent as by a step of f, which puts the f of the window off.
+"""Whether f changes shortly before the end of the two cycles of a window, which puts their f off.
 
-A step of f soon before the end of the two cycles hardly moves the f of their fit, and most of the mean of f. Samples
-after the cycles show such a step twice as plainly, but real mains bend the phase by nearly as much all the time: where
-there are such samples, the smaller limit follows what is usual for the stream.
+A step of f there hardly moves the fit, and most of the mean of f. The phase leaves its parabola then (`trial`). Noise
+and the loads of real mains bend it, too, and ln(magnitude) by as much: they set what is usual for the stream. A swing
+of f bends the phase alone, in every window, by 2.5 times what f is off by: what is usual of the phase counts less.
 """
 
 from __future__ import annotations
 
 from acqd.metering.packed import State
 
-_SURE = 0.001
-"""rad of `Estimate.bend`: steps of f that put a window off by 10 mHz bend the phase by so much, mains hardly ever."""
-_LEAST = 0.0005
-"""rad: the same where samples of a quarter of a cycle or more follow the two cycles."""
-_TIMES_USUAL = 4.0
-_FEW = 25
-"""Windows of which the usual bend is the mean; later each one counts as among so many."""
-_FOLLOWED = 2.5
-"""Cycles of a window that has a quarter of a cycle before and after its two."""
+_LEAST, _SWINGING = 0.007, 0.022
+"""Hz of `Estimate.kink` that are doubted: of a step of f, which puts f off by 10 mHz where noise takes away 3; of a
+swing of f that puts f off by 9 mHz, where the phase is bent all the time."""
+_TIMES_USUAL, _TIMES_GROWTH = 5.0, 6.0
+"""4 and 5 standard deviations of white noise."""
+_MOST = 0.05
+"""Hz: more is no noise."""
+_FIRST = 0.006
+"""Hz: usual of an unknown stream."""
+_FEW, _MANY = 2, 25
+"""Windows that `_FIRST` counts as; later windows count as each among so many."""
 
 
 class Bent:
     """Of one stream."""
 
-    def __init__(self, cycles: float) -> None:
-        """`cycles`: nominal cycles of a window, of which two are metered."""
-        self._least = _LEAST if cycles >= _FOLLOWED else _SURE
-        self._usual = _SURE  # rad; of an unknown stream
-        self._known = 0
+    def __init__(self) -> None:
+        self._usual = self._usual_growth = _FIRST  # Hz
+        self._known = _FEW
         self.now = False
-        """Whether the last window is bent."""
+        """Whether the phase of the last window has a kink."""
 
-    def note(self, bend: float) -> bool:
-        """`now`, of the next window; a bend of inf or NaN is that of a window without f."""
-        self.now = bend > min(max(self._least, _TIMES_USUAL * self._usual), _SURE)
-        if bend < _SURE:
-            self._known = min(self._known + 1, _FEW)
-            self._usual += (bend - self._usual) / self._known
+    def note(self, kink: float, growth: float) -> bool:
+        """`now`, of the next window [Hz]; NaN are those of a window without f."""
+        swinging = min(_TIMES_USUAL * self._usual, _SWINGING)
+        self.now = kink > max(_LEAST, growth, swinging, _TIMES_GROWTH * self._usual_growth)
+        if kink == kink:
+            self._known = min(self._known + 1, _MANY)
+            self._usual += (min(kink, _MOST) - self._usual) / self._known
+            self._usual_growth += (min(growth, _MOST) - self._usual_growth) / self._known
         return self.now
 
     def state(self) -> State:
         """What is known of the stream so far."""
-        return {"usual": self._usual, "known": self._known}
+        return {"usual": self._usual, "usual_growth": self._usual_growth, "known": self._known}
 
     def restore(self, state: State) -> None:
         """Go on where `state` was taken."""
         self._usual, self._known = state["usual"], state["known"]
+        self._usual_growth = state.get("usual_growth", _FIRST)  # the state of an earlier acqd has no such key

@@ -66,10 +66,14 @@ class Estimate:
     """[windows] rad: largest distance of a one-cycle phasor's phase from a parabola, all phases together."""
     swell: Floats
     """[windows] half of what ln(magnitude) of the one-cycle phasors varies by."""
+    kink: Floats
+    """[windows] Hz that a step of f shortly before the end of the cycles would move their mean f by."""
+    growth: Floats
+    """[windows] the same of ln(magnitude) for the phase."""
 
     def followed_by(self, other: Estimate) -> Estimate:
         """Of both, one after the other."""
-        names = ("f", "unsteady", "magnitude", "reactive", "bend", "swell")
+        names = ("f", "unsteady", "magnitude", "reactive", "bend", "swell", "kink", "growth")
         return Estimate(*(np.concatenate((getattr(self, name), getattr(other, name)), axis=-1) for name in names))
 
 
@@ -85,6 +89,8 @@ class _Fits:
     grid: np.ndarray
     """Point of the last trial."""
     magnitude: Floats
+    kink: Floats
+    growth: Floats
 
     @property
     def credible(self) -> np.ndarray:
@@ -95,7 +101,7 @@ class _Fits:
 
     def replace(self, at: np.ndarray, other: _Fits) -> None:
         """Other fits of the windows `at`."""
-        for name in ("short", "long", "purity", "grid", "magnitude"):
+        for name in ("short", "long", "purity", "grid", "magnitude", "kink", "growth"):
             getattr(self, name)[at] = getattr(other, name)
 
 
@@ -170,7 +176,7 @@ class FrequencyEstimator:
             U = self._fundamentals(windows[:, credible], grid[credible])
             I = self._fundamentals(_windows(i, ends[credible], self._samples), grid[credible])  # noqa: E741
             reactive[:, credible] = (U * I.conj()).imag / 2
-        return Estimate(f, unsteady, magnitude, reactive, bend, swell)
+        return Estimate(f, unsteady, magnitude, reactive, bend, swell, fits.kink, fits.growth)
 
     def at(self, point: int) -> Trial:
         """Vectors of grid point `point`."""
@@ -193,8 +199,8 @@ class FrequencyEstimator:
         """Gauss-Newton steps until every window sits on its nearest grid point."""
         phases, count, _ = windows.shape
         grid = grid.copy()
-        f, long = np.empty(count), np.empty(count)
-        parts = np.empty((phases, count, 6))
+        f, long, kink, growth = np.empty((4, count))
+        parts = np.empty((phases, count, 8))
         todo = np.arange(count)
         for _ in range(STEPS):
             here = grid[todo]
@@ -202,12 +208,14 @@ class FrequencyEstimator:
                 at = todo[here == point]
                 chosen = windows if len(at) == count else windows[:, at]
                 parts[:, at] = chosen @ self.at(point).projection.T
-            re_c, im_c, re_d, im_d, re_e, im_e = np.moveaxis(parts[:, todo], 2, 0)
+            re_c, im_c, re_d, im_d, re_e, im_e, re_k, im_k = np.moveaxis(parts[:, todo], 2, 0)
             # Im(conj(c) d) and |c|^2, summed over the phases; the parts hold -Im.
             turn, slow_turn = (im_c * re_d - re_c * im_d).sum(axis=0), (im_c * re_e - re_c * im_e).sum(axis=0)
             weight = 2 * np.pi * np.maximum((re_c * re_c + im_c * im_c).sum(axis=0), 1e-30)
             exact = here * GRID + turn / weight
             f[todo], long[todo] = exact, here * GRID + slow_turn / weight
+            kink[todo] = 2 * np.pi * np.abs((im_c * re_k - re_c * im_k).sum(axis=0)) / weight
+            growth[todo] = 2 * np.pi * np.abs((re_c * re_k + im_c * im_k).sum(axis=0)) / weight
             moved = np.abs(exact - here * GRID) > SLACK * GRID
             if not moved.any():
                 todo = todo[:0]
@@ -218,7 +226,7 @@ class FrequencyEstimator:
         ac = np.einsum("pwn,pwn->w", windows, windows) / self._samples
         ac -= (np.einsum("pwn->pw", windows) ** 2).sum(axis=0) / self._samples**2
         f[todo] = np.nan  # did not settle
-        return _Fits(f, long, power / np.maximum(ac, 1e-30), grid, np.sqrt(2 * power))
+        return _Fits(f, long, power / np.maximum(ac, 1e-30), grid, np.sqrt(2 * power), kink, growth)
 
     def _fundamentals(self, windows: Floats, grid: np.ndarray) -> np.ndarray:
         """Amplitudes, complex [phases, windows]."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections import deque
 
 import numpy as np
@@ -16,9 +15,6 @@ from acqd.metering.sideband import Sideband
 
 _REMEMBERED = 15  # windows
 _OFTEN = 5  # unsteady ones among them: an interharmonic rather than jumps
-_SWING = 0.15
-"""Hz, second difference of the f of windows. The fit is wrong by T^2 / 42 times the second derivative of f (T: two
-cycles), which is 10 mHz for a second difference of 0.26 Hz at 10 Hz, where f swings too fast for three windows."""
 
 
 class HeldFrequency:
@@ -34,23 +30,16 @@ class HeldFrequency:
         """Hz."""
         self._sideband = Sideband(window_s)
         self._recent: deque[tuple[float, bool]] = deque(maxlen=_REMEMBERED)
-        self._before: tuple[float, float] = (math.nan, math.nan)  # Hz: f of the last two windows
-        self._swings = False
-        self._bent = Bent(window_s * f_nominal)
+        self._bent = Bent()
 
     @property
     def unsettled(self) -> bool:
         """Whether the f of the last window is in doubt.
 
-        It may be moved by an interharmonic, and too few windows are known to tell; it swings within two cycles; or the
-        phase within them is bent as by a step of f.
+        It may be moved by an interharmonic, and too few windows are known to tell; or f changes within the two cycles
+        otherwise than by a ramp.
         """
-        return self._swings or self._bent.now or self._sideband.unsettled
-
-    def _follow(self, f: float) -> None:
-        first, second = self._before
-        self._swings = abs(f - 2 * second + first) > _SWING
-        self._before = second, f
+        return self._bent.now or self._sideband.unsettled
 
     @property
     def calm(self) -> bool:
@@ -63,10 +52,8 @@ class HeldFrequency:
         while (done := len(unsettled)) < len(f):
             quiet = self._sideband.note_quiet(f[done:], magnitude[done:])
             if quiet:
-                for value in f[max(done, done + quiet - 3) : done + quiet]:
-                    self._follow(value)
                 self._recent.extend((value, False) for value in f[done : done + quiet][-_REMEMBERED:])
-                unsettled += [self._bent.note(one.bend) for one in cycles[done : done + quiet]]
+                unsettled += [self._bent.note(one.kink, one.growth) for one in cycles[done : done + quiet]]
             elif self.note(f[done], magnitude[done], cycles[done]):
                 unsettled.append(self.unsettled)
             else:
@@ -79,8 +66,7 @@ class HeldFrequency:
             self._sideband.forget_last()
             return False
         self._recent.append((f, False))
-        self._follow(f)
-        self._bent.note(cycles.bend)
+        self._bent.note(cycles.kink, cycles.growth)
         return True
 
     def state(self) -> State:
@@ -88,22 +74,20 @@ class HeldFrequency:
         recent = [[value, bool(bent)] for value, bent in self._recent]
         return {
             "last": self.last, "sideband": self._sideband.state(), "recent": recent,
-            "before": list(self._before), "swings": self._swings, "bent": self._bent.state(),
+            "bent": self._bent.state(),
         }  # fmt: skip
 
     def restore(self, state: State) -> None:
         """Go on where `state` was taken."""
-        self.last, self._swings = state["last"], state["swings"]
+        self.last = state["last"]
         self._sideband.restore(state["sideband"])
         if "bent" in state:  # the state of an earlier acqd has no such key
             self._bent.restore(state["bent"])
         self._recent = deque(((value, bent) for value, bent in state["recent"]), maxlen=_REMEMBERED)
-        self._before = tuple(state["before"])
 
     def reset(self) -> None:
         """The next window does not follow the last one."""
         self._sideband.reset()
-        self._before = (math.nan, math.nan)
 
     def usable(self, estimate: Estimate) -> tuple[Floats, Floats, np.ndarray]:
         """f of consecutive windows, NaN where it is not known or not to be trusted; what f is about there; `unsettled`.
@@ -112,12 +96,13 @@ class HeldFrequency:
         """
         unsettled = np.zeros(len(estimate.f), dtype=bool)
         f, substitute = estimate.f.copy(), np.full(len(estimate.f), np.nan)
-        seen = (f, estimate.unsteady, estimate.magnitude, estimate.bend, estimate.swell)
+        seen = (f, estimate.unsteady, estimate.magnitude, estimate.bend, estimate.swell, estimate.kink, estimate.growth)
         columns = zip(*(column.tolist() for column in seen), strict=True)
-        for k, (raw, unsteady, magnitude, bend, swell) in enumerate(columns):
+        for k, (raw, unsteady, magnitude, *ends) in enumerate(columns):
+            cycles = Cycles(*ends)
             if raw == raw:
                 self._recent.append((raw, unsteady))
-            without = self._sideband.note(raw, magnitude, Cycles(bend, swell), steady=not unsteady)
+            without = self._sideband.note(raw, magnitude, cycles, steady=not unsteady)
             disturbed = sum(bent for _, bent in self._recent) >= _OFTEN
             if without is not None:
                 substitute[k] = without
@@ -125,8 +110,7 @@ class HeldFrequency:
                 substitute[k] = np.median([value for value, _ in self._recent])
             if unsteady or disturbed or without is not None:
                 f[k] = np.nan
-            self._follow(float(f[k]))
-            self._bent.note(bend)
+            self._bent.note(cycles.kink, cycles.growth)
             unsettled[k] = self.unsettled and f[k] == f[k]
         return f, substitute, unsettled
 

@@ -36,20 +36,24 @@ _CHANCE = 0.01
 
 
 class Cycles(NamedTuple):
-    """What the one-cycle phasors of a window say (`frequency.Estimate`); NaN where nobody knows."""
+    """What the cycles of a window say (`frequency.Estimate`); NaN where nobody knows."""
 
     bend: float
     """rad."""
     swell: float
     """Of ln(magnitude)."""
+    kink: float
+    """Hz."""
+    growth: float
+    """Hz."""
 
     @property
     def beat(self) -> bool:
         """Whether they do what they do beside an interharmonic."""
-        return min(self) > _BEATING or self.swell > _SWELLING
+        return min(self.bend, self.swell) > _BEATING or self.swell > _SWELLING
 
 
-UNKNOWN = Cycles(math.nan, math.nan)
+UNKNOWN = Cycles(*[math.nan] * 4)
 
 
 class Onset:
@@ -96,7 +100,7 @@ class Onset:
             self._varied += 1
             few, edge = self._varied < self._windows, self._varied <= self._edge
             if edge:
-                swerve = max(cycles)
+                swerve = max(cycles.bend, cycles.swell)
                 self._swelled |= cycles.swell > _CALM  # f itself does not change the magnitude
                 self.doubted = self._swelled or not (swerve < _CALM and spread_Hz > _MOVED * swerve)
             else:

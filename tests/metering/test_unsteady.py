@@ -110,6 +110,26 @@ def test_a_swing_within_two_cycles_is_flagged(amplitude, beat):
     assert (silent & wrong)[5:].mean() < 0.1 and wrong[5:].mean() > 0.2
 
 
+@pytest.mark.parametrize("phases", [1, 3])
+def test_a_step_of_f_shortly_before_the_end_of_the_cycles_is_flagged(phases):
+    t = (np.arange(24_000) + 0.5) / RATE
+    for before, step in ((0.006, -0.2), (0.008, 0.15)):
+        at = 1.0 - before  # the end of window 24; the step moves its mean f by 30 mHz
+        (batch,) = metered(codes_of(50.02 * t + step * np.maximum(t - at, 0), phases))
+        flagged = ["unsettled" in flags for flags in batch.flags[0]]
+        assert abs(batch.f[24] - 50.02 - step * before / 0.04) > 0.010
+        assert flagged[24] and not any(flagged[:24])
+
+
+def test_a_step_of_the_voltage_there_is_none():
+    t = (np.arange(24_000) + 0.5) / RATE
+    for before in (0.002, 0.004, 0.008):
+        codes = codes_of(50.02 * t, 3).astype(float)
+        codes[:, 0::2] *= np.where(t >= 1.0 - before, 0.95, 1)[:, None]
+        (batch,) = metered(np.rint(codes).astype(np.int16))
+        assert not any("unsettled" in flags for flags in batch.flags[0][:25])
+
+
 @pytest.mark.parametrize("f", [60.0, 72.0, 105.0])
 def test_interharmonics_are_flagged_where_they_mislead(f):
     t = np.arange(40_000) / RATE

@@ -11,6 +11,7 @@ import pytest
 from acqd.discrepancy.causes.belief import NOTHING, OUTSIDE, Calibration
 from acqd.discrepancy.selection.standing import LAW
 from tools.studies.causes import __main__ as study
+from tools.studies.causes.fit import left_out
 from tools.studies.causes.standings import labels, read
 
 
@@ -32,8 +33,15 @@ def result(world, number, random):
     truth = [] if effect is None else [{"id": effect}]
     return {
         "world": world, "case": f"case-{number}", "strength": 3 if truth else 0, "truth": truth, "axes": 6,
-        "report": {"causes": {"scores": scores}},
+        "report": {"causes": {"scores": scores} | said(effect, number)},
     }  # fmt: skip
+
+
+def said(effect, number):
+    """In half of the cases of a friction, the loop selects the friction."""
+    if effect == "coulomb_friction" and number % 8 == 1:
+        return {"set": [effect], "probabilities": {effect: 0.97, OUTSIDE: 0.03}, "follows": "confidence"}
+    return {"set": [NOTHING], "probabilities": {NOTHING: 1.0}, "follows": "standing"}
 
 
 @pytest.fixture(scope="module")
@@ -75,6 +83,14 @@ def test_a_calibration_holds_on_the_plant_that_it_has_not_seen(out, tmp_path, ca
     assert other["all"]["probability_known"] > 0.6
     calibration = Calibration.from_json(json.loads((tmp_path / "calibration.json").read_text()))
     assert calibration.cases == {"effect": 80, OUTSIDE: 40, NOTHING: 40} and "160 simulated" in calibration.source
+
+
+def test_what_follows_the_confidence_in_a_name_is_no_matter_of_calibration(out):
+    rows = [row for row in read(out, "base") if row.led]
+    assert len(rows) == 20
+    assert [belief.members for belief in left_out(rows * 2 + list(read(out, "base")))[:20]] == [
+        ("coulomb_friction",)
+    ] * 20
 
 
 def test_a_folder_without_results_is_named(tmp_path, capsys, monkeypatch):

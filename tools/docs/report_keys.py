@@ -29,8 +29,8 @@ KEYS: dict[str, tuple[str, str]] = {
     ),
     "effects[].added": ("boolean", "whether it is part of the repaired model, or reported only"),
     "causes": (
-        "`{set, holds, text, probabilities, calibrated_on, scores}` or null",
-        "conformal set of labels; holds the largest cause in the share `holds` of cases like those of its calibration",
+        "`{set, holds, text, probabilities, calibrated_on, follows, scores}` or null",
+        "labels, one of them the largest cause in the share `holds` of simulated cases; by `confidence` or `standing`",
     ),
     "correction": ("object or null", "law without a name in the repaired model; its keys below"),
     "correction.follows": ("text", "what the error follows, in words"),

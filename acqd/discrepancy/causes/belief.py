@@ -133,6 +133,23 @@ class Belief:
     """Labels of the set, the likeliest first."""
 
 
+def given_lead(belief: Belief, name: str, confidence: float, rivals: Mapping[str, float]) -> Belief:
+    """The belief where an effect was selected first: `confidence` in the effect, and in its `rivals` by label.
+
+    These were judged beside everything that was selected later, the belief before anything was selected: it shares what
+    is left. The set is the smallest that has 95 %.
+    """
+    free, of_rivals = 1 - confidence, sum(rivals.values())
+    scale = min(1.0, free / of_rivals) if of_rivals > 0 else 0.0
+    shares = {name: confidence} | {label: scale * share for label, share in rivals.items()}
+    others = {label: share for label, share in belief.probabilities.items() if label not in shares}
+    left = (1 - sum(shares.values())) / max(sum(others.values()), 1e-12)
+    shares |= {label: left * share for label, share in others.items()}
+    shares = dict(sorted(shares.items(), key=lambda pair: -pair[1]))
+    enough = int(np.searchsorted(np.cumsum(list(shares.values())), 1 - MISSED)) + 1
+    return Belief(shares, tuple(shares)[:enough])
+
+
 def class_of(label: str) -> str:
     """One of CLASSES."""
     return label if label in (OUTSIDE, NOTHING) else "effect"

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from acqd.discrepancy.causes.belief import MISSED, NOTHING, OUTSIDE, Belief, shipped
+from acqd.discrepancy.causes.belief import MISSED, NOTHING, OUTSIDE, Belief, given_lead, shipped
 from acqd.discrepancy.closed import Closed
+from acqd.discrepancy.repair.terms import Reported
 from acqd.models.effects import library
 from acqd.report.digits import percent
 
@@ -19,7 +20,20 @@ def believed(closed: Closed) -> Belief | None:
     standing = closed.selection.standing
     if standing is None or not closed.subject.reference or closed.subject.chosen != frozenset(library()):
         return None
-    return shipped().believed(standing)
+    belief, lead = shipped().believed(standing), leading(closed)
+    if lead is None:
+        return belief
+    rivals: dict[str, float] = {}
+    for name, share in lead.alternatives:
+        label = name if name in library() else OUTSIDE
+        rivals[label] = max(rivals.get(label, 0.0), share)
+    return given_lead(belief, lead.term.id, lead.confidence, rivals)
+
+
+def leading(closed: Closed) -> Reported | None:
+    """The effect that was selected first, named or not; None where held-out recordings refuse that effect."""
+    first = next(iter(closed.improved.effects), None)
+    return None if first is None or first.status == "refused" else first
 
 
 def sentence(belief: Belief) -> str:
@@ -43,6 +57,7 @@ def as_json(closed: Closed) -> dict[str, Any] | None:
         "text": sentence(belief),
         "probabilities": {label: share for label, share in belief.probabilities.items() if share >= LEAST},
         "calibrated_on": shipped().source,
+        "follows": "standing" if leading(closed) is None else "confidence",
         "scores": standing.as_json(),
     }
 

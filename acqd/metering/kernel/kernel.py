@@ -25,7 +25,6 @@ from acqd.metering.kernel.layout import (
     MAGNITUDE,
     NO_TRIAL,
     QUANTITIES,
-    SWELL,
     UNSETTLED,
     F,
     Form,
@@ -139,7 +138,7 @@ class Kernel:
             return None
         rows = rows[:, :done]
         unsettled = self._held.note_steady(
-            rows[F].tolist(), rows[MAGNITUDE].tolist(), [*map(Cycles, rows[BEND].tolist(), rows[SWELL].tolist())]
+            rows[F].tolist(), rows[MAGNITUDE].tolist(), [*map(Cycles, *rows[BEND:FIRST].tolist())]
         )
         usable = len(unsettled)
         if usable < done:  # as if the first of the others had not been metered
@@ -161,8 +160,8 @@ class Kernel:
             if self._state.reason != NO_TRIAL:
                 return None
             self._add(self._state.point)
-        f, mark, magnitude, bend, swell = self._head.tolist()
-        if not self._held.note(f, magnitude, Cycles(bend, swell)):
+        f, mark, magnitude, *cycles = self._head.tolist()
+        if not self._held.note(f, magnitude, Cycles(*cycles)):
             ctypes.memmove(self._pointers[1], before, len(before))
             return None
         self._registers[:] = energy.add_window(self._energies.tolist())
@@ -225,11 +224,12 @@ class Kernel:
 
 
 def _packed(trial: Trial, phases: int) -> Floats:
-    """Vectors in the order of `WEIGHT` in C, edges in rising order, and which edge is which."""
+    """Vectors in the order of `WEIGHT` in C, edges in rising order, which edge is which, first sample of the cycles."""
     columns = np.concatenate((trial.projection, trial.turn))
     edges = np.minimum(trial.edges.ravel(), trial.turn.shape[1])
     order = np.argsort(edges, kind="stable")
-    return np.concatenate((columns.ravel(order="F" if phases > 2 else "C"), edges[order], order, _PADDING))
+    weights = columns.ravel(order="F" if phases > 2 else "C")
+    return np.concatenate((weights, edges[order], order, (trial.first,), _PADDING))
 
 
 def _form(

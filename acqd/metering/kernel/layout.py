@@ -9,7 +9,7 @@ from acqd.metering.trial import CYCLES
 LANES = 8
 DONE, NO_HISTORY, NO_TRIAL, UNUSUAL = range(4)
 """Why a call ended."""
-F, FLAGS, MAGNITUDE, BEND, SWELL, FIRST = range(6)
+F, FLAGS, MAGNITUDE, BEND, SWELL, KINK, GROWTH, FIRST = range(8)
 """Rows of the result, before those of the phases: Hz, marks, the fundamental of all phases together [digits], and what
 its cycles say (`onset.Cycles`)."""
 UNSETTLED = 256

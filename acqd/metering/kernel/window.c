@@ -15,7 +15,7 @@
 
 #define PHASORS 7
 #define EDGES (2 * PHASORS)
-#define COLUMNS 8 /* projection on Re c, -Im c, Re d, -Im d, Re d and -Im d of the stretch; cos, sin */
+#define COLUMNS 10 /* projection on Re c, -Im c, Re d, -Im d, Re d and -Im d of the stretch, Re k, -Im k; cos, sin */
 
 enum { DONE, NO_HISTORY, NO_TRIAL, UNUSUAL };
 
@@ -33,7 +33,7 @@ struct state {
 };
 
 /* Vectors of a trial: COLUMNS x fit doubles, EDGES positions in rising order, EDGES numbers of phasors (begin: j, end:
-   PHASORS + j), and room to read beyond. Where a vector holds one sample, the weights of a sample are neighbours;
+   PHASORS + j), the first sample of the two cycles, and room to read beyond. Where a vector holds one sample, the weights of a sample are neighbours;
    otherwise those of a column are. */
 #if CHANNELS > 4
 #define WEIGHT(column, sample) ((sample)*COLUMNS + (column))
@@ -46,21 +46,28 @@ struct sums {
 };
 
 struct fit {
-    vec re_c, im_c, re_d, im_d, re_e, im_e, cos, sin; /* d of the cycles, e of the stretch */
+    vec re_c, im_c, re_d, im_d, re_e, im_e, re_k, im_k, cos, sin; /* d of the cycles, e of the stretch, k of a kink */
 };
 
-enum part { NO_SUMS, BEFORE, INSIDE }; /* samples whose sums are known; before the window; of the window */
+/* Samples whose sums are known; before the two cycles, where c and d have no weight; between these and the window; of
+   the window. */
+enum part { NO_SUMS, EARLY, BEFORE, INSIDE };
 
-INLINE struct fit with_sample(struct fit f, vec x, const double *trial, int64_t n, int64_t samples, int channels)
+INLINE struct fit with_sample(struct fit f, vec x, enum part part, const double *trial, int64_t n, int64_t samples,
+                              int channels)
 {
-    f.re_c += x * spread(trial + WEIGHT(0, n), channels);
-    f.im_c += x * spread(trial + WEIGHT(1, n), channels);
-    f.re_d += x * spread(trial + WEIGHT(2, n), channels);
-    f.im_d += x * spread(trial + WEIGHT(3, n), channels);
+    if (part != EARLY) {
+        f.re_c += x * spread(trial + WEIGHT(0, n), channels);
+        f.im_c += x * spread(trial + WEIGHT(1, n), channels);
+        f.re_d += x * spread(trial + WEIGHT(2, n), channels);
+        f.im_d += x * spread(trial + WEIGHT(3, n), channels);
+    }
     f.re_e += x * spread(trial + WEIGHT(4, n), channels);
     f.im_e += x * spread(trial + WEIGHT(5, n), channels);
-    f.cos += x * spread(trial + WEIGHT(6, n), channels);
-    f.sin += x * spread(trial + WEIGHT(7, n), channels);
+    f.re_k += x * spread(trial + WEIGHT(6, n), channels);
+    f.im_k += x * spread(trial + WEIGHT(7, n), channels);
+    f.cos += x * spread(trial + WEIGHT(8, n), channels);
+    f.sin += x * spread(trial + WEIGHT(9, n), channels);
     return f;
 }
 
@@ -88,19 +95,24 @@ INLINE void take_many(struct fit *f, struct sums *s, enum part part, const void 
     for (int p = 0; NATIVE * p < channels; p++) {
         native re_c = lanes(&f->re_c, p), im_c = lanes(&f->im_c, p), re_d = lanes(&f->re_d, p);
         native im_d = lanes(&f->im_d, p), re_e = lanes(&f->re_e, p), im_e = lanes(&f->im_e, p);
+        native re_k = lanes(&f->re_k, p), im_k = lanes(&f->im_k, p);
         native cos = lanes(&f->cos, p), sin = lanes(&f->sin, p);
         native square = lanes(&s->square, p), cross = lanes(&s->cross, p), plain = lanes(&s->plain, p);
         native most = lanes(&s->most, p), least = lanes(&s->least, p);
         for (ptrdiff_t n = from; n < to; n += each) {
             const native x = native_load(codes, bits, n * channels + NATIVE * p);
-            re_c += x * native_spread(trial + WEIGHT(0, n), each);
-            im_c += x * native_spread(trial + WEIGHT(1, n), each);
-            re_d += x * native_spread(trial + WEIGHT(2, n), each);
-            im_d += x * native_spread(trial + WEIGHT(3, n), each);
+            if (part != EARLY) {
+                re_c += x * native_spread(trial + WEIGHT(0, n), each);
+                im_c += x * native_spread(trial + WEIGHT(1, n), each);
+                re_d += x * native_spread(trial + WEIGHT(2, n), each);
+                im_d += x * native_spread(trial + WEIGHT(3, n), each);
+            }
             re_e += x * native_spread(trial + WEIGHT(4, n), each);
             im_e += x * native_spread(trial + WEIGHT(5, n), each);
-            cos += x * native_spread(trial + WEIGHT(6, n), each);
-            sin += x * native_spread(trial + WEIGHT(7, n), each);
+            re_k += x * native_spread(trial + WEIGHT(6, n), each);
+            im_k += x * native_spread(trial + WEIGHT(7, n), each);
+            cos += x * native_spread(trial + WEIGHT(8, n), each);
+            sin += x * native_spread(trial + WEIGHT(9, n), each);
             if (part == NO_SUMS)
                 continue;
             square += x * x;
@@ -117,6 +129,8 @@ INLINE void take_many(struct fit *f, struct sums *s, enum part part, const void 
         set_lanes(&f->im_d, p, im_d);
         set_lanes(&f->re_e, p, re_e);
         set_lanes(&f->im_e, p, im_e);
+        set_lanes(&f->re_k, p, re_k);
+        set_lanes(&f->im_k, p, im_k);
         set_lanes(&f->cos, p, cos);
         set_lanes(&f->sin, p, sin);
         set_lanes(&s->square, p, square);
@@ -137,7 +151,7 @@ INLINE void take(struct fit *fit, struct sums *sums, enum part part, const void 
     take_many(fit, sums, part, codes, bits, channels, samples, from, from + many, trial);
     for (ptrdiff_t n = from + many; n < to; n++) { /* other lanes are 0, which is between least and most */
         const vec x = load(codes, bits, n * channels, channels);
-        *fit = with_sample(*fit, x, trial, n, samples, channels);
+        *fit = with_sample(*fit, x, part, trial, n, samples, channels);
         *sums = with_products(*sums, x, part);
     }
 }
@@ -148,13 +162,22 @@ INLINE struct fit project(vec edges[EDGES][2], struct sums *before, struct sums 
                           int bits, int channels, int64_t samples, int64_t inside, const double *trial)
 {
     const double *position = trial + COLUMNS * samples, *number = position + EDGES;
+    const int64_t begun = (int64_t)number[EDGES] < inside ? (int64_t)number[EDGES] : inside;
     struct fit f = {0};
     ptrdiff_t n = 0;
     for (int e = 0; e <= EDGES; e++) {
         const ptrdiff_t stop = e < EDGES ? (ptrdiff_t)position[e] : samples;
-        const ptrdiff_t first = known ? stop : stop < inside ? stop : inside;
+        if (known && n < stop) {
+            take(&f, before, NO_SUMS, codes, bits, channels, samples, n, stop, trial);
+            n = stop;
+        }
+        const ptrdiff_t early = stop < begun ? stop : begun, first = stop < inside ? stop : inside;
+        if (n < early) {
+            take(&f, before, EARLY, codes, bits, channels, samples, n, early, trial);
+            n = early;
+        }
         if (n < first) {
-            take(&f, before, known ? NO_SUMS : BEFORE, codes, bits, channels, samples, n, first, trial);
+            take(&f, before, BEFORE, codes, bits, channels, samples, n, first, trial);
             n = first;
         }
         if (n < stop) {
@@ -168,8 +191,8 @@ INLINE struct fit project(vec edges[EDGES][2], struct sums *before, struct sums 
         vec cosine = fold(f.cos, channels), sine = fold(f.sin, channels);
         if (stop < samples) {
             const vec x = load(codes, bits, stop * channels, channels) * share;
-            cosine += x * trial[WEIGHT(6, stop)];
-            sine += x * trial[WEIGHT(7, stop)];
+            cosine += x * trial[WEIGHT(8, stop)];
+            sine += x * trial[WEIGHT(9, stop)];
         }
         edges[place][0] = cosine;
         edges[place][1] = sine;
@@ -180,13 +203,16 @@ INLINE struct fit project(vec edges[EDGES][2], struct sums *before, struct sums 
     f.im_d = fold(f.im_d, channels);
     f.re_e = fold(f.re_e, channels);
     f.im_e = fold(f.im_e, channels);
+    f.re_k = fold(f.re_k, channels);
+    f.im_k = fold(f.im_k, channels);
     return f;
 }
 
 /* What the one-cycle phasors say: distance of a phase from the parabola through all [rad], the largest; half of what
-   ln(magnitude) varies by. */
+   ln(magnitude) varies by. What a step of f shortly before their end would move f by, and the same
+   of ln(magnitude) [Hz]. */
 struct cycles {
-    double bend, swell;
+    double bend, swell, kink, growth;
 };
 
 static struct cycles cycles_of(vec edges[EDGES][2], int channels, const double *bend)
@@ -217,7 +243,7 @@ static struct cycles cycles_of(vec edges[EDGES][2], int channels, const double *
             rest += phase[k] * bend[k * PHASORS + j];
         largest = fmax(largest, fabs(rest));
     }
-    return (struct cycles){largest, log(most / fmax(least, 1e-300)) / 4};
+    return (struct cycles){largest, log(most / fmax(least, 1e-300)) / 4, 0, 0};
 }
 
 /* f from that of the cycles and that of the stretch, and what the next window needs (acqd/metering/two_fits.py). */
@@ -266,10 +292,13 @@ INLINE double frequency(const struct form *form, struct state *state, struct fit
         }
         const vec re = fit->re_c, im = fit->im_c, turn = im * fit->re_d - re * fit->im_d;
         const vec slow = im * fit->re_e - re * fit->im_e, weight = re * re + im * im;
-        double turns = 0, slow_turns = 0, weights = 0, power = 0;
+        const vec late = im * fit->re_k - re * fit->im_k, grown = re * fit->re_k + im * fit->im_k;
+        double turns = 0, slow_turns = 0, late_turns = 0, growths = 0, weights = 0, power = 0;
         for (int c = 0; c < channels; c += 2) {
             turns += turn[c];
             slow_turns += slow[c];
+            late_turns += late[c];
+            growths += grown[c];
             weights += weight[c];
             power += ac[c];
         }
@@ -281,6 +310,8 @@ INLINE double frequency(const struct form *form, struct state *state, struct fit
         if (!credible)
             break;
         *cycles = cycles_of(edges, channels, form->bend);
+        cycles->kink = fabs(late_turns) / fmax(weights, 1e-30);
+        cycles->growth = fabs(growths) / fmax(weights, 1e-30);
         if (cycles->bend > form->steady)
             break;
         return joint(form, state, f, (double)point * form->grid + slow_turns / turned);
@@ -365,7 +396,7 @@ INLINE struct sums interval(struct sums window, const void *codes, int bits, int
 
 /* Rows of the result, each with one value per window; from VRMS on, each stands for one row per phase. Python writes
    IMPORTED and EXPORTED. */
-enum { F, FLAGS, MAGNITUDE, BEND, SWELL, VRMS };
+enum { F, FLAGS, MAGNITUDE, BEND, SWELL, KINK, GROWTH, VRMS };
 enum { IRMS = 1, POWER, REACTIVE, IMPORTED, EXPORTED, ENERGY, U_DC, I_DC, U_PEAK, I_PEAK, U_RE, U_IM, I_RE, I_IM };
 #define ROW(quantity, phase) (VRMS + (quantity) * (channels / 2) + (phase))
 
@@ -433,6 +464,8 @@ INLINE int one_window(const struct form *form, struct state *state, const double
     out[MAGNITUDE * stride] = sqrt(magnitude);
     out[BEND * stride] = cycles.bend;
     out[SWELL * stride] = cycles.swell;
+    out[KINK * stride] = cycles.kink;
+    out[GROWTH * stride] = cycles.growth;
     next.trial = f;
     next.last = f;
     next.reason = DONE;
@@ -525,7 +558,7 @@ INLINE int quiet(const struct form *form, const void *codes, int bits, int chann
     }
     out[F] = NAN;
     out[FLAGS] = (double)flags;
-    out[MAGNITUDE] = out[BEND] = out[SWELL] = 0;
+    out[MAGNITUDE] = out[BEND] = out[SWELL] = out[KINK] = out[GROWTH] = 0;
     return 1;
 }
 

@@ -29,7 +29,10 @@ _STEPS = {"dt", "ts", "tinterval", "sampleinterval", "samplinginterval", "sampli
           "xincrement", "deltat", "timestep"}  # fmt: skip
 _TIMES = {name.replace(" ", "").replace("-", "") for name in TIME_NAMES} | {"timevec", "timevector", "times", "tout"}
 _DATES = {"start_utc_ns"}
+_STARTS = {"t0", "tstart", "tzero", "start", "starttime", "timestart", "xzero", "xstart", "timeoffset"}
+"""Time of the first sample of one array [s]."""
 _SAME_RATE = 1e-3
+_SAME_START = 0.5  # steps
 _MOST_CHANNELS = 64  # of a matrix: what has more columns is a picture or a table of results
 _BOMB = 1000  # times a file may be larger unpacked
 _SMALL = 1 << 26
@@ -149,6 +152,8 @@ def recording_of(path: Path, title: str, contents: Contents, given: ChannelMap, 
     if left:
         notes.append(f"other lengths or rates than {chosen[0].name} have {', '.join(left[:6])}: left out")
     length = chosen[0].length
+    if not given.rate:
+        _refuse_shifted(path, chosen, times, contents.numbers)
     recording = Recording(
         path, title, [_channel(signal) for signal in chosen], length, lambda k: _column(path, chosen[k]), None,
         notes=notes, noun="array", advice=advice,
@@ -184,6 +189,44 @@ def _of_one_clock(channels: list[Signal], given: ChannelMap) -> list[Signal]:
         counted[signal.length, signal.step_s] += 1 + 1000 * (signal.name in named)
     best = max(counted, key=lambda one: (counted[one], one[0]))
     return [signal for signal in channels if (signal.length, signal.step_s) == best]
+
+
+def _refuse_shifted(path: Path, chosen: list[Signal], times: list[Signal], numbers: dict[str, float]) -> None:
+    """Raises InputError where channels begin at different times: their samples do not belong together."""
+    named = {f"{_owner(label)}/": (label, value) for label, value in numbers.items() if _key(_last(label)) in _STARTS}
+    own = {f"{_owner(one.name)}/": one for one in times if "/" in one.name and one.length == chosen[0].length}
+    starts: dict[str, float] = {}
+    step_s = chosen[0].step_s or 0.0
+    for signal in chosen:
+        axis = next((own[folder] for folder in own if signal.name.startswith(folder)), None)
+        told = next((named[folder] for folder in named if f"{signal.name}/".startswith(folder)), None)
+        if signal.start_utc_ns is not None:
+            starts[signal.name] = (signal.start_utc_ns - (chosen[0].start_utc_ns or 0)) * 1e-9
+        elif axis is not None:
+            seconds, _, begun = _seconds(path, axis)
+            starts[axis.name] = float(seconds[0]) + (begun or 0) * 1e-9
+            step_s = float(seconds[-1] - seconds[0]) / max(len(seconds) - 1, 1)
+        elif told is not None:
+            starts[told[0]] = told[1]
+    if not starts:
+        return
+    first, last = min(starts, key=starts.__getitem__), max(starts, key=starts.__getitem__)
+    apart_s = starts[last] - starts[first]
+    if apart_s > max(_SAME_START * (step_s or 1 / (_rate_of_numbers(path, numbers) or np.inf)), 1e-9):
+        raise InputError(
+            path,
+            f"{last} begins {apart_s:.3g} s after {first}, expected channels of the same instants; put them on one "
+            "time axis, or give --rate to take them as they are",
+        )
+
+
+def _owner(label: str) -> str:
+    """Group, struct or array that a number or an array of times belongs to."""
+    return label.rpartition("/")[0]
+
+
+def _last(label: str) -> str:
+    return split_label(label.rpartition("/")[2])[0]
 
 
 def _channel(signal: Signal) -> Channel:

@@ -14,7 +14,12 @@ from acqd.sources.recording.channel import Recording
 from acqd.sources.waveform import ChannelMap
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
-_UNITS = ("unit", "units", "unit_string", "dimension")
+UNITS = ("unit", "units", "unit_string", "dimension")
+"""Names of an attribute or a field that holds the unit."""
+SAMPLES = ("values", "value", "data", "y", "samples")
+"""Fields of a struct whose unit the field `unit` is."""
+_MISSING = ("_FillValue", "missing_value")
+"""Attributes of values that stand for missing samples (CF conventions)."""
 _UNUSED = ("scale", "gain", "factor", "multiplier", "calibration", "range")
 _MOST = 10_000  # datasets
 _ADVICE = "store the arrays as datasets time, u1, i1 ..., with an attribute unit"
@@ -37,8 +42,10 @@ def load(path: Path, given: ChannelMap) -> Recording:
             _collect_texts(contents, datasets)
             for group, one in (("", file), *groups):
                 _numbers_of(contents, f"{group}/", one.attrs)
+            units = {name.rpartition("/")[0]: _texts(one) for name, one in datasets if _last(name) in UNITS}
             for name, dataset in datasets:
-                _add(contents, path, name, dataset)
+                folder = name.rpartition("/")[0] if _last(name) in SAMPLES else name
+                _add(contents, path, name, dataset, units.get(folder, ""))
     except InputError:
         raise
     except Exception as error:  # whatever a damaged file makes HDF5 raise
@@ -80,7 +87,23 @@ def _collect_texts(contents: Contents, datasets: list[tuple[str, Any]]) -> None:
                 contents.names[name] = texts
 
 
-def _add(contents: Contents, path: Path, name: str, dataset: Any) -> None:
+def _last(name: str) -> str:
+    return name.rpartition("/")[2].lower()
+
+
+def _texts(dataset: Any) -> str:
+    """The text in a dataset: a string, or characters of MATLAB; empty for anything else."""
+    if dataset.size > 64:
+        return ""
+    value = dataset[...]
+    if dataset.attrs.get("MATLAB_class", b"") == b"char" and value.dtype.kind == "u":
+        return "".join(map(chr, value.reshape(-1).tolist())).strip()
+    one = value.reshape(-1)[0] if value.dtype.kind in "OS" and value.size == 1 else b""
+    return one.decode(errors="replace").strip() if isinstance(one, bytes) else ""
+
+
+def _add(contents: Contents, path: Path, name: str, dataset: Any, unit: str) -> None:
+    """One dataset; `unit` as the group around it says."""
     if dataset.dtype.names:
         for column in dataset.dtype.names:
             kind = dataset.dtype[column]
@@ -102,7 +125,7 @@ def _add(contents: Contents, path: Path, name: str, dataset: Any) -> None:
             "--i-scale)"
         )
     contents.add(
-        name, dataset.shape, _reader(path, name), _unit(dataset.attrs),
+        name, dataset.shape, _reader(path, name), _unit(dataset.attrs) or unit,
         scale=1.0 if scale is None else scale, offset=offset or 0.0, unapplied=bool(unused),
     )  # fmt: skip
 
@@ -115,14 +138,20 @@ def _reader(path: Path, name: str, column: str | None = None) -> Any:
 
         with h5py.File(path, "r") as file:
             dataset = file[name]
-            return np.asarray(dataset[...] if column is None else dataset[column])
+            values = np.asarray(dataset[...] if column is None else dataset[column])
+            marks = {key: scalar(dataset.attrs[key]) for key in _MISSING if key in dataset.attrs and column is None}
+            for key, mark in marks.items():
+                missing = np.flatnonzero(values == mark) if mark is not None else np.empty(0, dtype=np.intp)
+                if missing.size:
+                    raise InputError(path, f"{name}: sample {missing[0] + 1} is marked as missing ({key})")
+            return values
 
     return read
 
 
 def _unit(attributes: Any) -> str:
     for key in attributes:
-        if key.lower() in _UNITS:
+        if key.lower() in UNITS:
             value = attributes[key]
             text = value.decode(errors="replace") if isinstance(value, bytes) else value
             if isinstance(text, str):

@@ -45,7 +45,7 @@ def load(path: Path, given: ChannelMap) -> Recording:
     _collect_texts(contents, variables)
     for name, value in variables.items():
         if not name.startswith("__") and name not in logical:
-            _add(contents, name, value, 0)
+            _add(contents, name, value)
     return recording_of(path, "MATLAB", contents, given, _ADVICE)
 
 
@@ -71,8 +71,8 @@ def _text(value: Any) -> str:
     return str(array.reshape(-1)[0]).strip() if array.dtype.kind == "U" and array.size == 1 else ""
 
 
-def _add(contents: Contents, name: str, value: Any, depth: int) -> None:
-    """One variable, with what is in it."""
+def _add(contents: Contents, name: str, value: Any, depth: int = 0, unit: str = "") -> None:
+    """One variable, with what is in it; `unit` as the struct around it says."""
     if depth > _DEEPEST:
         return
     if hasattr(value, "_fieldnames"):
@@ -84,21 +84,22 @@ def _add(contents: Contents, name: str, value: Any, depth: int) -> None:
     elif array.dtype == object:
         items = array.reshape(-1)[:_WIDEST]
         for k, item in enumerate(items):
-            _add(contents, f"{name}{k + 1}" if array.size > 1 else name, item, depth + 1)
+            _add(contents, f"{name}{k + 1}" if array.size > 1 else name, item, depth + 1, unit)
     elif array.dtype.kind in "iuf":
         number = scalar(array)
         if number is not None:
             contents.numbers[name] = number
         elif array.size > 1:
-            contents.add(name, array.shape, lambda: array)
+            contents.add(name, array.shape, lambda: array, unit)
     elif array.dtype.kind == "c":
         contents.notes.append(f"{name} is complex: no samples")
 
 
 def _add_struct(contents: Contents, name: str, struct: Any, depth: int) -> None:
-    """Fields; of a Simulink signal (`values`, `label`) the label is the name."""
+    """Fields; of a Simulink signal (`values`, `label`) the label is the name. A field `unit` is that of the samples."""
     fields = {field: getattr(struct, field) for field in struct._fieldnames}
     label = _text(fields.get("label", "")) or _text(fields.get("name", ""))
+    unit = next((_text(value) for field, value in fields.items() if field.lower() in hdf5.UNITS), "")
     for field, value in fields.items():
         own = label if label and field.lower() in ("values", "data") else f"{name}/{field}"
-        _add(contents, own, value, depth + 1)
+        _add(contents, own, value, depth + 1, unit if field.lower() in hdf5.SAMPLES else "")

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from acqd.errors import InputError
 from acqd.sources.recording.channel import Recording, Role
-from acqd.sources.recording.label import FAMILIES
+from acqd.sources.recording.label import FAMILIES, readings
 from acqd.sources.recording.roles import DISAGREE, NO_PHASE
 from acqd.sources.recording.units import UnknownUnitError, unit_of
 from acqd.sources.waveform import LINES, ChannelMap, position, positions
@@ -192,7 +192,8 @@ def _ambiguity(recording: Recording, roles: list[Role]) -> str:
     if lone := next((key for key in whole if _partner(key) not in counts), None):
         unknown = [role for role in roles if role.kind == "unknown" and role.quantity == "u"]
         lines = " (u12=...,u23=... for voltages between lines)" if lone[0] == "i" and len(unknown) > 1 else ""
-        return f"has {lone} but no {_partner(lone)}; power needs both: --map u1=...,i1=...{lines}, {try_it}"
+        else_in = _in_other_units(recording, roles)
+        return f"has {lone} but no {_partner(lone)}{else_in}; power needs both: --map u1=...,i1=...{lines}, {try_it}"
     if any(len(key) == 3 and key[0] in "ui" for key in counts):
         return (
             "has voltages between lines; they need two or three of them and the currents of three lines: "
@@ -204,7 +205,19 @@ def _ambiguity(recording: Recording, roles: list[Role]) -> str:
             f"has no voltage and current pair, but RMS or other computed values ({', '.join(computed[:_SHOWN])}); "
             f"export the waveforms, or say which {noun}s are samples with --map u1=...,i1=..., {try_it}"
         )
-    return f"has no voltage and current pair; say which {noun}s with --map u1=...,i1=..., {try_it}"
+    else_in = _in_other_units(recording, roles)
+    return f"has no voltage and current pair{else_in}; say which {noun}s with --map u1=...,i1=..., {try_it}"
+
+
+def _in_other_units(recording: Recording, roles: list[Role]) -> str:
+    """Names channels that their names, but not their units, make voltages or currents: `u1 [%]`."""
+    named = [
+        f"{channel.name!r} is {role.evidence[-1]}"
+        for channel, role in zip(recording.channels, roles, strict=True)
+        if role.kind == "other" and channel.unit.strip() and any(one.quantity for one in readings(channel.name))
+    ]
+    more = ", say what 1 is worth with --u-scale or --i-scale"
+    return f" ({', '.join(named[:_SHOWN])}{more})" if named else ""
 
 
 def _odd(role: Role) -> bool:

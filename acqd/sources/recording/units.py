@@ -25,6 +25,8 @@ _NAME: dict[str, Quantity] = {
     **dict.fromkeys(("amp", "amps", "ampere", "amperes", "ampère", "ampères", "aac"), "i"),
     **dict.fromkeys(("sec", "secs", "second", "seconds", "sek", "sekunde", "sekunden", "seconde", "secondes"), "t"),
 }
+_CYRILLIC = str.maketrans("ВАскмн", "VAskmn")
+"""Letters of Russian units: кВ, мА, мкс."""
 _OTHER_TIMES = {"min": 60.0, "minute": 60.0, "minutes": 60.0, "h": 3600.0, "hour": 3600.0, "hours": 3600.0}
 _OTHER_WORDS = """
     w kw mw gw var kvar mvar va kva mva hz khz mhz rpm nm n pa bar °c c degc k °f deg ° rad % pu p.u. ohm kohm Ω t mt
@@ -63,7 +65,7 @@ def unit_of(text: str) -> Unit | None:
         return _milli_or_mega(plain)
     if plain.lower() in _OTHER_TIMES:
         return Unit("t", _OTHER_TIMES[plain.lower()])
-    found = _symbol(plain) or _name(plain.lower())
+    found = _symbol(plain) or _name(plain.lower()) or _symbol(plain.replace("мк", "µ").translate(_CYRILLIC))
     if found is not None:
         return found
     if plain.lower() in _OTHER:

@@ -99,6 +99,8 @@ class Export:
         if not recording.samples:
             raise InputError(self.text.path, "has a header but no samples")
         self._refuse_codes(needed, given)
+        if not given.rate:
+            self._refuse_shifted(needed)
         found = clock.of_preamble(self.text.path, self.table, self.layout)
         if numeric:
             column = self.values.pop(times[0]) if times[0] not in needed else self.values[times[0]]
@@ -156,21 +158,49 @@ class Export:
 
     def _time_columns(self) -> tuple[list[int], float]:
         """Columns that tell the time, and seconds per unit: one of numbers, or one or two of stamps."""
-        names, units, first = self.table.names, self.table.units, self._first_fields()
+        first = self._first_fields()
         stamps = [k for k in range(self.table.width) if not is_number(first[k], self.table.decimal)
                   and clock.read_stamp(first[k]) is not None]  # fmt: skip
         if stamps:
             return stamps[:2], 1.0
+        for k, factor in self._axes().items():
+            return [k], factor
+        if not self.table.names[0] and self._rises_evenly():
+            return [0], 1.0
+        return [], 1.0
+
+    def _axes(self) -> dict[int, float]:
+        """Columns of numbers that are times by their unit or name, and seconds per unit."""
+        names, units, first = self.table.names, self.table.units, self._first_fields()
+        found = {}
         for k in range(self.table.width):
             unit = self._time_unit(units[k])
             key = key_of(names[k])
             if key in _INDEX or key_of(units[k]) in _INDEX or not is_number(first[k], self.table.decimal):
                 continue
             if unit is not None or key in _TIMES:
-                return [k], unit or 1.0
-        if not names[0] and self._rises_evenly():
-            return [0], 1.0
-        return [], 1.0
+                found[k] = unit or 1.0
+        return found
+
+    def _refuse_shifted(self, needed: list[int]) -> None:
+        """Raises InputError where channels stand behind time axes that differ: their samples do not belong together."""
+        axes = self._axes()
+        own = sorted({max((axis for axis in axes if axis < k), default=min(axes, default=-1)) for k in needed})
+        if len(own) < 2:
+            return
+        loaded = [k for k in own if k not in self.values]
+        self._load(loaded)
+        first, *others = (self.values[k] * axes[k] for k in own)
+        for k in loaded:
+            del self.values[k]
+        for k, axis in zip(own[1:], others, strict=True):
+            apart_s = float(np.abs(axis - first).max())
+            if apart_s > 0.5 * abs(float(first[-1] - first[0])) / max(len(first) - 1, 1):
+                raise InputError(
+                    self.text.path,
+                    f"the times in columns {own[0] + 1} and {k + 1} are up to {apart_s:.3g} s apart, expected channels "
+                    "of the same instants; put them on one time axis, or give --rate to take them as they are",
+                )
 
     def _rises_evenly(self) -> bool:
         """Whether the first column, which has no name, rises as times in seconds do."""
@@ -263,7 +293,7 @@ class Export:
     def _load(self, columns: list[int]) -> None:
         """Numbers of some columns. Raises InputError, which names row and column of anything else."""
         places = [self.layout.columns[k] for k in columns] if self.layout.columns else columns
-        delimiter = None if self.table.separator == " " else self.table.separator
+        delimiter = {" ": None, ",": ";" if self._quoted else ","}.get(self.table.separator, self.table.separator)
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # that there are no rows
@@ -280,10 +310,17 @@ class Export:
         for k, column in enumerate(columns):
             self.values[column] = found[:, k]
 
+    @property
+    def _quoted(self) -> bool:
+        """Whether quotes alone tell decimal commas from separators."""
+        return self.table.separator == self.table.decimal
+
     def _rows(self) -> Iterator[str]:
         comma = self.table.decimal == ","
         for line in islice(self.text.lines(), self.table.first, None):
             if line.strip():
+                if self._quoted:
+                    line = ";".join(split_row(line, self.table.separator))
                 row = line.replace('"', "")
                 yield row.replace(",", ".") if comma else row
 

@@ -16,7 +16,7 @@ from acqd.sources.text.table import Table, are_units_alone, find_table, is_numbe
 from acqd.sources.text_file import encoding_of
 from acqd.sources.waveform import ChannelMap
 
-_THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:([.,' ])\d{3})+(?!\1)[.,]\d+")
+_THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:([.,'’ \u00a0\u202f])\d{3})+(?!\1)[.,]\d+")
 
 
 def load(path: Path, given: ChannelMap) -> Recording:
@@ -120,7 +120,9 @@ def _no_table(head: list[str], layout: Layout) -> str:
         return f"has separators of thousands ({grouped}); export numbers without them"
     for number, line in enumerate(head[1:], start=2):
         fields = split_row(line, next((d for d in ";\t," if d in head[0]), ","))
-        bad = next((k for k, one in enumerate(fields) if one and not is_number(one, ".")), None)
+        faults = [[k for k, one in enumerate(fields) if one and not is_number(one, decimal)] for decimal in ".,"]
+        fewest = min(faults, key=len)
+        bad = fewest[0] if fewest else None
         if len(fields) == len(split_row(head[0], next((d for d in ";\t," if d in head[0]), ","))) and bad is not None:
             return (
                 f"row {number}, column {bad + 1}: {fields[bad]!r} is not a number; no table of numbers{known}{advice}"

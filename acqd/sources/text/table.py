@@ -28,7 +28,18 @@ _NO_UNITS = ("sequence", "no", "nr", "rn", "record", "ts", "time", "timestamp", 
 """What stands for the unit of a column of numbers of rows, or of stamps."""
 _TAKEN_AS = ("smp", "sample", "inst")
 """What data loggers write below the unit of a sample (Campbell TOA5)."""
-_DIALECTS = (("\t", "."), (";", "."), (",", "."), ("\t", ","), (";", ","), ("|", "."), (" ", "."), (" ", ","))
+_DIALECTS = (
+    ("\t", "."),
+    (";", "."),
+    (",", "."),
+    ("\t", ","),
+    (";", ","),
+    ("|", "."),
+    (" ", "."),
+    (" ", ","),
+    (",", ","),
+)
+"""Separators and decimal signs; decimal commas between commas are read where the numbers stand in quotes."""
 _KEY_UNIT = re.compile(r"(.+?)\s*[\[(]\s*([^\[\]()]+?)\s*[\])]\s*$")
 """A key of the preamble with the unit of its value: `Sample Rate [kS/s]`."""
 _NUMBER = re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?$|[+-]?(?:nan|inf|infinity|∞)$", re.IGNORECASE)

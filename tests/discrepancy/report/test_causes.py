@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
@@ -10,14 +11,17 @@ from acqd.discrepancy.causes.belief import NOTHING, OUTSIDE, Belief
 from acqd.discrepancy.report import causes
 from acqd.discrepancy.selection.standing import LAW, Standing
 from acqd.models.effects import library
+from tests.discrepancy.report.subjects import found
 
 EVIDENCE = {"payload": 600.0, "gravity_bias": 590.0, LAW: 20.0}
 STANDING = Standing(EVIDENCE, dict.fromkeys(EVIDENCE, (0.0, 0.0)), 500.0, {})
 
 
-def closed(standing=STANDING, reference=("recording",), chosen=None):
+def closed(standing=STANDING, reference=("recording",), chosen=None, effects=()):
     subject = SimpleNamespace(reference=list(reference), chosen=frozenset(chosen or library()))
-    return SimpleNamespace(selection=SimpleNamespace(standing=standing), subject=subject)
+    return SimpleNamespace(
+        selection=SimpleNamespace(standing=standing), subject=subject, improved=SimpleNamespace(effects=effects)
+    )
 
 
 def test_a_report_holds_the_set_its_words_and_what_it_rests_on():
@@ -31,6 +35,19 @@ def test_a_report_holds_the_set_its_words_and_what_it_rests_on():
 @pytest.mark.parametrize("other", [{"standing": None}, {"reference": ()}, {"chosen": ["payload"]}])
 def test_there_is_no_set_where_the_calibration_says_nothing(other):
     assert causes.believed(closed(**other)) is None and causes.as_json(closed(**other)) is None
+
+
+def test_a_selected_effect_is_as_probable_as_the_report_says_above():
+    """Beside a friction that was selected later, a payload has no rival; before, gravity stood beside it."""
+    payload = found("payload", {"mass": (1.0, 0.4)})
+    sure = replace(payload, confidence=0.9, alternatives=(("coulomb_friction", 0.08), ("a torque of joint 1", 0.01)))
+    told = causes.as_json(closed(effects=(sure,)))
+    assert told["set"] == ["payload", "coulomb_friction"] and told["follows"] == "confidence"
+    assert told["probabilities"]["payload"] == pytest.approx(0.9)
+    assert told["probabilities"]["coulomb_friction"] == pytest.approx(0.08)
+    assert sum(causes.believed(closed(effects=(sure,))).probabilities.values()) == pytest.approx(1.0)
+    refused = replace(sure, status="refused")
+    assert causes.as_json(closed(effects=(refused,)))["follows"] == "standing"
 
 
 def test_words():

@@ -148,3 +148,42 @@ def test_without_the_library_one_line_names_the_extra(tmp_path, monkeypatch):
         (tmp_path / f"a.{ending}").write_bytes(b"x" * 600)
         with pytest.raises(UserError, match=r"acqd\[files\]"):
             load_waveform(tmp_path / f"a.{ending}")
+
+
+def hdf(tmp_path, **datasets):
+    import h5py
+
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        for name, (values, attributes) in datasets.items():
+            file.create_dataset(name.replace("__", "/"), data=values).attrs.update(attributes)
+    return tmp_path / "a.h5"
+
+
+@pytest.mark.parametrize("late_s", [0.0, 0.005])
+def test_channels_that_begin_at_different_times_are_refused(tmp_path, late_s):
+    step = {"dt": 1 / RATE}
+    written = [
+        mat(tmp_path, u={"time": T, "values": U}, i={"time": T + late_s, "values": I}),
+        hdf(tmp_path, u1=(U, step | {"t0": 0.0}), i1=(I, step | {"t0": late_s})),
+    ]
+    for path in written:
+        if late_s:
+            with pytest.raises(InputError, match=r"begins 0\.005 s after"):
+                load_waveform(path)
+        assert_metered(load_waveform(path, ChannelMap(rate=RATE)) if late_s else load_waveform(path))
+
+
+def test_a_field_of_a_struct_is_the_unit_of_its_samples(tmp_path):
+    channels = [{"name": "u1", "data": U / 1e3, "unit": "kV"}, {"name": "i1", "data": I * 1e3, "unit": "mA"}]
+    assert_metered(load_waveform(mat(tmp_path, ch=np.array(channels, dtype=object), fs=RATE)))
+    text = {"MATLAB_class": np.bytes_("char")}
+    unit = np.array([[109], [65]], dtype=np.uint16)  # mA
+    path = hdf(tmp_path, fs=(RATE, {}), u1__data=(U, {}), i1__data=(I * 1e3, {}), i1__unit=(unit, text))
+    assert_metered(load_waveform(path))
+
+
+def test_a_mark_of_missing_samples_is_no_sample(tmp_path):
+    values = np.where(np.arange(len(T)) == 700, -9999.0, I)
+    path = hdf(tmp_path, t=(T, {}), u1=(U, {"_FillValue": 9.97e36}), i1=(values, {"_FillValue": -9999.0}))
+    with pytest.raises(InputError, match="sample 701 is marked as missing"):
+        load_waveform(path)

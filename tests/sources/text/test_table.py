@@ -176,6 +176,11 @@ STAMPED = [f"2024/03/01 10:00:00,{row.partition(',')[2]}" for row in PLAIN]
         (["Sampling interval,250us", "Date&Time,CH1,CH2", "Time,V,A"], STAMPED),
         (['"TIMESTAMP","U_L1","I_L1"', '"TS","V","A"', '"","Smp","Smp"'], PLAIN),
         (["Time:,U1:,I1:"], PLAIN),
+        (['"time [s]","u1 [V]","i1 [A]"'], ['"' + row.replace(";", '","') + '"' for row in GERMAN]),
+        (
+            ["Время (с);Напряжение (кВ);Ток (мА)"],
+            [f"{t:.5f};{u / 1000:.7f};{i * 1000:.1f}" for t, u, i in zip(T, VOLTS, AMPERES, strict=True)],
+        ),
         (["Rate:,4000", "U1:,I1:"], [row.partition(",")[2] for row in PLAIN]),
     ],
 )
@@ -199,7 +204,13 @@ def test_times_without_a_name_and_names_with_their_unit_are_understood(tmp_path)
          [f"{round(u / 4)},{round(5 * i)}" for u, i in zip(VOLTS, AMPERES, strict=True)], "codes of a converter"),
         (["t [s];u1 [V];i1 [A]"], [f"0,0;1.{k % 900 + 100}.000,25;1,5" for k in range(50)], "separators of thousands"),
         (["time,u1 [V],i1 [A]"], [f"{4 * k},{row.partition(',')[2]}" for k, row in enumerate(PLAIN)], "times right"),
+        (["t [s];u1 [V];i1 [A]"], [f"0,0;1\u202f{k % 900 + 100},25;1,5" for k in range(50)], "separators of thousands"),
+        (["t [s];u1 [V];i1 [A]"], [f"0,0;1.{k % 900 + 100};1,5" for k in range(50)], r"'1\.100' is not a number"),
         (["time [s],V1 RMS (V),A1 RMS (A)"], PLAIN, "RMS or other computed values"),
+        (["time [s],u1 [%],i1 [A]"], PLAIN, "'u1' is in %"),
+        (["time [s],u1 [V],time [ms],i1 [A]"],
+         [f"{t:.5f},{u:.4f},{1000 * t + 5:.2f},{i:.4f}" for t, u, i in zip(T, VOLTS, AMPERES, strict=True)],
+         "columns 1 and 3 are up to 0.005 s apart"),
     ],
 )  # fmt: skip
 def test_what_a_table_cannot_mean_is_refused_with_the_reason(tmp_path, head, rows, said):

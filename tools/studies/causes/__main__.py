@@ -51,7 +51,7 @@ def main() -> None:
         calibration = calibrated(rows, f"{_first_fit(kept)}; nothing: {source}" if kept else source, kept)
         given.calibrate.write_bytes(orjson.dumps(calibration.as_json(), option=orjson.OPT_INDENT_2) + b"\n")
     beliefs = {
-        "as shipped": [shipped().believed(row.standing) for row in rows],
+        "as reported": [row.said for row in rows],
         "calibrated on other plants": left_out(rows, kept) if len({row.world for row in rows}) > 1 else [],
     }
     found = {name: _by_group(rows, each) for name, each in beliefs.items() if each}

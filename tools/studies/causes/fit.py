@@ -76,7 +76,7 @@ def left_out(rows: Sequence[Row], kept: Calibration | None = None) -> list[Belie
     """Beliefs by calibrations on the other plants: what a plant that nobody has seen may expect."""
     worlds = {row.world for row in rows}
     by_world = {name: calibrated([row for row in rows if row.world != name], "", kept) for name in worlds}
-    return [by_world[row.world].believed(row.standing) for row in rows]
+    return [row.said if row.led else by_world[row.world].believed(row.standing) for row in rows]
 
 
 def figures(rows: Sequence[Row], beliefs: Sequence[Belief]) -> dict[str, float]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from acqd.discrepancy.causes.belief import NOTHING, OUTSIDE
+from acqd.discrepancy.causes.belief import NOTHING, OUTSIDE, Belief
 from acqd.discrepancy.selection.standing import Standing
 from tools.studies.foreign.generator.hidden.catalogue import OUTSIDE as UNKNOWN
 from tools.studies.foreign.judge import families
@@ -26,6 +26,10 @@ class Row:
     true: frozenset[str]
     """Labels that are right."""
     standing: Standing
+    said: Belief
+    """In the report."""
+    led: bool
+    """Whether the belief follows the confidence in a selected effect, and not the standing."""
 
     @property
     def family(self) -> str:
@@ -39,15 +43,16 @@ def read(out: Path, label: str) -> Iterator[Row]:
         result = json.loads(path.read_text())
         causes = (result["report"] or {}).get("causes")
         if causes and len(result["truth"]) < 2:
-            yield row_of(result, causes["scores"])
+            yield row_of(result, causes)
 
 
-def row_of(result: dict[str, Any], scores: dict[str, Any]) -> Row:
-    """A row of a result of the study."""
+def row_of(result: dict[str, Any], causes: dict[str, Any]) -> Row:
+    """A row of a result of the study, and what its report says of causes."""
     truth = [effect["id"] for effect in result["truth"]]
     return Row(
         result["world"], result["case"], int(result["strength"]), labels(truth),
-        Standing.from_json(scores),
+        Standing.from_json(causes["scores"]), Belief(causes["probabilities"], tuple(causes["set"])),
+        causes.get("follows") == "confidence",
     )  # fmt: skip
 
 
