@@ -17,6 +17,7 @@ from acqd.discrepancy.ability.ability import Ability
 from acqd.discrepancy.recordings import carrier_in
 from acqd.discrepancy.regression.setup import Comparison, set_up
 from acqd.discrepancy.selection.session_columns import with_sessions
+from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.errors import UserError
 from acqd.models.bundle.reference import load_reference
 from acqd.models.bundle.restore import open_model
@@ -69,7 +70,8 @@ def beforehand(
     )  # fmt: skip
     recorded = sum(len(segment.P) for segment in segments) * model.step_s / 60
     asked = recorded if minutes is None else minutes
-    ability = Ability.planned(with_sessions(setup), setup.gates[0].open, asked / recorded)
+    searched = 1 - 1 / THRESHOLDS.held_out_every  # the loop holds the other recordings out
+    ability = Ability.planned(with_sessions(setup), setup.gates[0].open, searched * asked / recorded)
     return Beforehand(ability, str(bundle if motion is None else motion), asked)
 
 

@@ -89,27 +89,33 @@ class Designed:
 
     @property
     def needed(self) -> bool:
-        """Whether the recordings so far leave a question."""
-        return self.so_far.right(self.causes) < _SURE
+        """Whether the recordings so far leave a question: by what the loop has said, or by what they can tell."""
+        return self.question.open or self.so_far.right(self.causes) < _SURE
+
+    @property
+    def unexpected(self) -> bool:
+        """Whether the loop has left open what the recordings so far should have told."""
+        return self.question.open and self.so_far.right(self.causes) >= _SURE
 
     @property
     def decides(self) -> bool:
         """Whether the recording is worth its time; one that decides nothing may raise new doubts."""
-        return self.needed and self.after.right(self.causes) - self.so_far.right(self.causes) >= _WORTH_IT
+        now, after = self.so_far.right(self.causes), self.after.right(self.causes)
+        return self.needed and (after >= _SURE or after - now >= _WORTH_IT)
 
 
 def next_motion(report: Path, asked: Asked, progress: Progress) -> Designed:
     """Design the recording that decides. Raises UserError, InputError."""
     require_known(asked.causes)
-    question = question_of(report, progress)
+    question = question_of(report, asked.causes, progress)
     subject = question.subject
     space = Space.of(
         Arm(subject.robot), load_scene(asked.scene), [*subject.reference, *subject.fit], subject.data.step_s,
         asked.share_of_speed, asked.workspace,
     )  # fmt: skip
     progress("planning pieces of motion", 0.0)
-    pieces = {piece.name: piece for piece in pieces_of(space, asked.seed)}
-    if not any(piece.seconds <= 60 * asked.minutes for piece in pieces.values()):
+    pieces = {piece.name: piece for piece in pieces_of(space, asked.seed, 60 * asked.minutes)}
+    if not pieces:
         raise UserError(
             f"{subject.robot.name}: no motion of {asked.minutes:g} min keeps limits, workspace and obstacles; "
             "allow a larger workspace, more speed or more minutes"

@@ -70,6 +70,11 @@ def headline(designed: Designed) -> str:
         return f"The recordings so far tell these causes apart ({share(now)}): no motion has to decide"
     if not designed.decides:
         return f"No motion of {minutes:.1f} min within these limits decides between the causes"
+    if designed.unexpected:
+        return (
+            f"The recordings so far should have told these causes apart ({share(now)}), but the report leaves them "
+            f"open: {minutes:.1f} min of motion ask once more ({share(after)})"
+        )
     return f"{minutes:.1f} min of motion raise the right name from {share(now)} to {share(after)}"
 
 

@@ -45,12 +45,12 @@ class Piece:
     seconds: float
 
 
-def pieces_of(space: Space, seed: int) -> list[Piece]:
-    """All pieces that keep the limits."""
+def pieces_of(space: Space, seed: int, longest_s: float = np.inf) -> list[Piece]:
+    """All pieces of at most `longest_s` that keep the limits."""
     random = np.random.default_rng(seed)
     pieces = []
     for name, moves in _kinds(space, random):
-        piece = _piece(space, name, moves)
+        piece = _piece(space, name, moves, longest_s)
         if piece is not None:
             pieces.append(piece)
     return pieces
@@ -61,10 +61,14 @@ def motion_of(space: Space, steps: tuple[Step, ...], brakes: BrakeSettings | Non
     return Controller(space.arm.description, space.home, brakes).run(list(steps))
 
 
-def _piece(space: Space, name: str, steps: list[Step]) -> Piece | None:
-    """None for motion that exceeds a limit or collides."""
+def _piece(space: Space, name: str, steps: list[Step], longest_s: float) -> Piece | None:
+    """None for motion that exceeds a limit, collides or takes longer than `longest_s`."""
     whole = (*steps, Move(space.home, *_rates(space, space.home - _end(space, steps))), Wait(_BRIEF_S))
+    if least_s(space, whole) > longest_s:  # before hours of slow motion are executed at 1 kHz
+        return None
     motion = motion_of(space, whole)
+    if motion.seconds > longest_s:
+        return None
     stopping = tuple(replace(step, blend_after=1.0) if isinstance(step, Move) else step for step in whole)
     if space.broken_limit(motion) or space.broken_limit(motion_of(space, stopping)):  # scripts do not blend
         return None
@@ -138,6 +142,19 @@ def _rates(space: Space, distance: Floats, share: float = 1.0) -> tuple[float, f
         return share, share
     speed = share * float((space.speed / robot.speed)[moves].min())
     return speed, float((space.acceleration / robot.acceleration)[moves].min()) / 2
+
+
+def least_s(space: Space, steps: tuple[Step, ...]) -> float:
+    """Time [s] that no execution of the steps from home falls short of: half of every move, because blends overlap."""
+    position, seconds = space.home, 0.0
+    for step in steps:
+        if isinstance(step, Wait):
+            seconds += step.seconds
+        elif isinstance(step, Move):
+            speed = step.relative_speed * space.arm.description.speed
+            seconds += float((np.abs(step.target - position) / speed).max()) / 2
+            position = step.target
+    return seconds
 
 
 def _end(space: Space, steps: list[Step]) -> Floats:

@@ -24,12 +24,12 @@ from acqd.discrepancy.selection.judging import best_of_each, kinds_of
 from acqd.discrepancy.selection.ranking import Finding, Rows, bounds_of, part_of, prior_of, ranked
 from acqd.discrepancy.selection.session_columns import CLOCK, LEVEL, with_sessions
 from acqd.discrepancy.selection.spread import variances_of_sessions
-from acqd.discrepancy.settled import settled
+from acqd.discrepancy.settled import leaves_open, settled
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.discrepancy.thresholds.chance import by_chance
 from acqd.errors import InputError, UserError
 from acqd.experiment.contest import Cause, Contest
-from acqd.models.effects import library
+from acqd.models.effects import library, unmoved
 from acqd.models.segments import Segment
 
 CAUSES = 6
@@ -52,6 +52,8 @@ class Question:
     """Without the power that the model knows, and without a delay that was corrected."""
     named: tuple[tuple[str, str], ...]
     """Ids and places of the effects that the report has named and does not doubt."""
+    open: bool
+    """Whether the report leaves a question: no name for what differs, or a name in doubt."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,25 +73,42 @@ class Open:
         return without_intercepts(self.rows.regression, self.contest, gate, weights)
 
 
-def question_of(report: Path, progress: Progress) -> Question:
-    """Open the folder of a closing report. Raises UserError, InputError."""
+def question_of(report: Path, asked: tuple[str, ...], progress: Progress) -> Question:
+    """Open the folder of a closing report; `asked`: ids of the causes to compare. Raises UserError, InputError."""
     file = report / "report.json"
     try:
         told = orjson.loads(file.read_bytes())
         config = CloseConfig.from_json(told["asked"], report)
         named = tuple((str(each["id"]), str(each["where"])) for each in told["effects"] if settled(each))
+        doubted = [
+            (str(each["id"]), *(str(member["id"]) for member in each["family"]["members"]))
+            for each in told["effects"]
+            if not settled(each)
+        ]
+        unanswered, all_named = leaves_open(told), told["verdict"] == "effects_found"
     except OSError as error:
         raise UserError(
             f"{file} cannot be read ({error.strerror}); name the folder that acqd close-loop has written"
         ) from None
     except (ValueError, KeyError, TypeError):
         raise InputError(file, "is no report of acqd close-loop, or an older one; run acqd close-loop again") from None
+    if all_named and not asked:
+        _require_motion_helps(report, doubted)
     subject = subject_of(config, progress)
     if not subject.reference:
         raise UserError(
             f"{report}: the loop had no reference to compare with; close the loop on later recordings first"
         )
-    return Question(report, config, unexplained(subject)[1], named)
+    return Question(report, config, unexplained(subject)[1], named, unanswered)
+
+
+def _require_motion_helps(report: Path, doubted: list[tuple[str, ...]]) -> None:
+    """Raises UserError where every doubt is between effects that no motion tells apart."""
+    if doubted and all(map(unmoved, doubted)):
+        raise UserError(
+            f"{report} leaves open: {' or '.join(doubted[0])}. Such equipment switches at times of its own, so that no "
+            f"motion of the arm decides; what decides: {library()[doubted[0][0]].experiment}"
+        )
 
 
 def recorded(question: Question, progress: Progress) -> Setup:

@@ -196,6 +196,11 @@ def test_a_known_mass_calibrates_the_torques_of_the_model(closed, tmp_path):
     assert load_bundle(tmp_path / "scaled").metadata["torque_scale"]["known_mass_kg"] == 2.0
 
 
+def test_ability_of_endless_minutes_is_refused(tmp_path):
+    done = acqd_here("robot", "ability", tmp_path, "--minutes", "inf")
+    assert done.returncode == 2 and "--minutes" in done.stderr and len(done.stderr.strip().splitlines()) == 1
+
+
 @pytest.mark.slow("cli.robot.ability")
 def test_ability_says_beforehand_what_the_motion_of_the_reference_can_tell(closed, tmp_path):
     folder, report = closed

@@ -39,6 +39,18 @@ def test_bad_input_is_one_line_and_exit_2(closed, tmp_path, arguments, said):
     assert not (tmp_path / "next").exists()
 
 
+def test_equipment_that_switches_by_itself_needs_no_motion(closed, tmp_path):
+    folder, _ = closed
+    report = json.loads((folder / "now" / "ds.loop" / "report.json").read_bytes())
+    load = {"where": "cabinet", "confidence": 0.97, "family": {"members": [{"id": "process_load", "where": "cabinet"}]}}
+    (tmp_path / "loop").mkdir()
+    own = report | {"verdict": "effects_found", "effects": [load | {"id": "thermostat"}]}
+    (tmp_path / "loop" / "report.json").write_text(json.dumps(own))
+    done = acqd_here("next", tmp_path / "loop", "--out", tmp_path / "next")
+    assert done.returncode == 2 and "thermostat or process_load" in done.stderr and "an hour at rest" in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1 and not (tmp_path / "next").exists()
+
+
 @pytest.mark.parametrize(
     ("change", "said"),
     [({}, "in question already"), ({"robot": "ur3e"}, "robot ur3e"), ({"step_s": 0.1}, "step_s 0.1")],

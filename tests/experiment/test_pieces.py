@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from acqd.errors import UserError
-from acqd.experiment.pieces import motion_of, pieces_of
+from acqd.experiment.pieces import least_s, motion_of, pieces_of
 from acqd.experiment.space import Space
 from acqd.motion.chain import Move
 from acqd.motion.controller import Wait
@@ -49,6 +49,20 @@ def test_every_piece_begins_and_ends_at_home_at_rest(space, pieces):
         motion = motion_of(space, piece.steps)
         assert np.allclose(motion.q[[0, -1]], space.home, atol=1e-6), piece.name
         assert np.allclose(motion.qd[[0, -1]], 0, atol=1e-6), piece.name
+
+
+def test_pieces_that_outlast_the_program_are_not_executed(space, pieces, monkeypatch):
+    assert all(least_s(space, piece.steps) <= piece.seconds for piece in pieces)
+    executed = []
+
+    def recorded(*arguments):
+        executed.append(motion_of(*arguments))
+        return executed[-1]
+
+    monkeypatch.setattr("acqd.experiment.pieces.motion_of", recorded)
+    made = pieces_of(replace(space, speed=space.speed / 300), 1, longest_s=10.0)
+    assert made and all(piece.seconds <= 10.0 for piece in made)
+    assert max(motion.seconds for motion in executed) < 60.0 < least_s(space, pieces[-1].steps) * 300
 
 
 def test_a_sequence_of_pieces_keeps_all_limits(space, pieces):

@@ -23,7 +23,8 @@ def ability(
         typer.Option(metavar="DS", help="Dataset with the motion (default the motion that the model remembers)."),
     ] = None,
     minutes: Annotated[
-        float | None, typer.Option(min=0.5, help="Minutes to record of that motion (default as long as it is).")
+        float | None,
+        typer.Option(min=0.5, max=525_600, help="Minutes to record of that motion (default as long as it is)."),
     ] = None,
     json: Json = False,
 ) -> None:

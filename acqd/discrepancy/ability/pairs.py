@@ -49,18 +49,30 @@ def rivals_of(rows: Rows, gate: Floats, effects: list[Smallest], longer: float =
     used, competition = competition_of(rows, gate, candidates, longer)
     explained = _explained(rows, used, competition, effects, candidates)
     kinds = kinds_of(rows.design.columns.candidates)
-    return [_closest(effect, candidates, shares, kinds) for effect, shares in zip(effects, explained.T, strict=True)]
+    witness = rows.design.witness
+    seen = {each.id for each in candidates if witness is not None and witness.sees(each.id)}
+    return [
+        _closest(effect, candidates, shares, seen, kinds) for effect, shares in zip(effects, explained.T, strict=True)
+    ]
 
 
-def _closest(effect: Smallest, candidates: list[Candidate], shares: Floats, kinds: int) -> tuple[Rival, ...]:
-    """The best candidate of every other effect; `shares` [candidates] of the effect's power."""
+def _closest(
+    effect: Smallest, candidates: list[Candidate], shares: Floats, seen: set[str], kinds: int
+) -> tuple[Rival, ...]:
+    """The best candidate of every other effect; `shares` [candidates] of the effect's power.
+
+    `seen`: effects that logged torques show. They show how much of a torque there is, and not whose: another one of
+    these effects may explain all of it.
+    """
     order = np.argsort(-shares)
     best: dict[str, Rival] = {}
     for number in order.tolist():
-        candidate, share = candidates[number], float(shares[number])
+        candidate = candidates[number]
         if candidate.id != effect.candidate.id and candidate.id not in best:
+            of_power = (1 - effect.from_torques) * float(shares[number])
+            share = of_power + effect.from_torques * (candidate.id in seen)
             best[candidate.id] = Rival(candidate.id, candidate.label, share, _told_apart(effect, share, kinds))
-    return tuple(best.values())
+    return tuple(sorted(best.values(), key=lambda rival: -rival.explains))
 
 
 def _explained(

@@ -10,7 +10,7 @@ more rows, more sessions of the reference, or nothing because smaller sizes do n
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -48,6 +48,8 @@ class Smallest:
     limited_by: LimitedBy
     precision: float
     """Of the size, inverse variance in white noise, with every other column projected out."""
+    from_torques: float = 0.0
+    """Share of the precision that logged torques add."""
 
     @property
     def parameter(self) -> tuple[str, str]:
@@ -97,11 +99,12 @@ def smallest_sizes(rows: Rows, gate: Floats, longer: float = 1.0) -> list[Smalle
         if not acts(schur):
             found.append(Smallest(unit.candidate, None, None, "motion", 0.0))
             continue
-        precision = rows.learning_rate * float(schur[0, 0])
+        precision = from_power = rows.learning_rate * float(schur[0, 0])
         at_joints = design.at_joints(unit.candidate, weights)
         if at_joints is not None:
             precision += float(at_joints.precision[0, 0])
-        found.append(_smallest(design, unit, precision, spread, kinds))
+        smallest = _smallest(design, unit, precision, spread, kinds)
+        found.append(replace(smallest, from_torques=1 - from_power / precision))
     return found
 
 

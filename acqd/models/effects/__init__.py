@@ -9,7 +9,7 @@ from __future__ import annotations
 import importlib
 import inspect
 import pkgutil
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import cache
 
 from acqd.models.effects import catalogue
@@ -35,3 +35,9 @@ def library() -> dict[str, Effect]:
 def holdable() -> Mapping[str, Effect]:
     """Everything that a bundle can hold, by id: the library's effects, and laws without a name."""
     return library() | laws()
+
+
+def unmoved(names: Iterable[str]) -> bool:
+    """Whether all of these effects switch at times of their own, so that no motion of the arm tells them apart."""
+    known = library()
+    return all(name in known and known[name].detected in ("rhythm", "bursts") for name in names)

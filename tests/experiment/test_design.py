@@ -1,0 +1,37 @@
+"""What a designed program is worth beside what the report has said."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from acqd.experiment.design import Designed, Outlook
+from acqd.experiment.page import headline, steps
+
+
+def designed(now, after, *, unanswered):
+    """A program that promises a probability of the right name after, where the recordings so far promise `now`."""
+    so_far, then = (Outlook(np.array([share]), [""], ()) for share in (now, after))
+    question = SimpleNamespace(open=unanswered)
+    motion, causes = SimpleNamespace(seconds=120.0), (SimpleNamespace(believed=1.0),)
+    return Designed(question, None, None, False, causes, (), motion, so_far, then, so_far, so_far)
+
+
+@pytest.mark.parametrize(
+    ("now", "after", "unanswered", "needed", "decides"),
+    [
+        (0.97, 0.98, False, False, False), (0.97, 0.98, True, True, True), (0.93, 0.96, True, True, True),
+        (0.14, 0.92, True, True, True), (0.14, 0.16, True, True, False),
+    ],
+)  # fmt: skip
+def test_a_report_that_is_open_needs_an_answer_whatever_its_recordings_should_have_told(
+    now, after, unanswered, needed, decides
+):
+    program = designed(now, after, unanswered=unanswered)
+    assert (program.needed, program.decides) == (needed, decides)
+
+
+def test_the_page_does_not_call_a_report_settled_that_is_open():
+    assert "no motion has to decide" in headline(designed(0.97, 0.98, unanswered=False))
+    assert "leaves them open" in headline(designed(0.97, 0.98, unanswered=True))
+    assert steps(designed(0.97, 0.98, unanswered=False)) == []
