@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from acqd.errors import InputError
 from acqd.sources.recording.channel import Channel, Column, Recording
 from acqd.sources.recording.clock import of_times
 from acqd.sources.recording.label import readings
+from acqd.sources.recording.siblings import skew
 from acqd.sources.recording.units import TIME_NAMES, UnknownUnitError, split_label, unit_of
 from acqd.sources.waveform import LATEST_NS, MOST_BYTES, ChannelMap
 
@@ -32,7 +33,8 @@ _DATES = {"start_utc_ns"}
 _STARTS = {"t0", "tstart", "tzero", "start", "starttime", "timestart", "xzero", "xstart", "timeoffset"}
 """Time of the first sample of one array [s]."""
 _SAME_RATE = 1e-3
-_SAME_START = 0.5  # steps
+_UNIX = ((1e17, 1e-9), (1e14, 1e-6), (1e11, 1e-3))
+"""Numbers from which on a start without a unit is a Unix time in ns, us, ms, and s per number."""
 _MOST_CHANNELS = 64  # of a matrix: what has more columns is a picture or a table of results
 _BOMB = 1000  # times a file may be larger unpacked
 _SMALL = 1 << 26
@@ -152,10 +154,10 @@ def recording_of(path: Path, title: str, contents: Contents, given: ChannelMap, 
     if left:
         notes.append(f"other lengths or rates than {chosen[0].name} have {', '.join(left[:6])}: left out")
     length = chosen[0].length
-    if not given.rate:
-        _refuse_shifted(path, chosen, times, contents.numbers)
+    skews = _skews(path, chosen, times, contents.numbers) if not given.rate else [0.0] * len(chosen)
+    shown = [replace(_channel(signal), skew_s=skew_s) for signal, skew_s in zip(chosen, skews, strict=True)]
     recording = Recording(
-        path, title, [_channel(signal) for signal in chosen], length, lambda k: _column(path, chosen[k]), None,
+        path, title, shown, length, lambda k: _column(path, chosen[k]), None,
         notes=notes, noun="array", advice=advice,
     )  # fmt: skip
     _set_clock(recording, chosen, [one for one in times if one.length == length], contents.numbers, given)
@@ -191,42 +193,70 @@ def _of_one_clock(channels: list[Signal], given: ChannelMap) -> list[Signal]:
     return [signal for signal in channels if (signal.length, signal.step_s) == best]
 
 
-def _refuse_shifted(path: Path, chosen: list[Signal], times: list[Signal], numbers: dict[str, float]) -> None:
-    """Raises InputError where channels begin at different times: their samples do not belong together."""
-    named = {f"{_owner(label)}/": (label, value) for label, value in numbers.items() if _key(_last(label)) in _STARTS}
-    own = {f"{_owner(one.name)}/": one for one in times if "/" in one.name and one.length == chosen[0].length}
-    starts: dict[str, float] = {}
-    step_s = chosen[0].step_s or 0.0
-    for signal in chosen:
-        axis = next((own[folder] for folder in own if signal.name.startswith(folder)), None)
-        told = next((named[folder] for folder in named if f"{signal.name}/".startswith(folder)), None)
-        if signal.start_utc_ns is not None:
-            starts[signal.name] = (signal.start_utc_ns - (chosen[0].start_utc_ns or 0)) * 1e-9
-        elif axis is not None:
-            seconds, _, begun = _seconds(path, axis)
-            starts[axis.name] = float(seconds[0]) + (begun or 0) * 1e-9
-            step_s = float(seconds[-1] - seconds[0]) / max(len(seconds) - 1, 1)
-        elif told is not None:
-            starts[told[0]] = told[1]
-    if not starts:
-        return
-    first, last = min(starts, key=starts.__getitem__), max(starts, key=starts.__getitem__)
-    apart_s = starts[last] - starts[first]
-    if apart_s > max(_SAME_START * (step_s or 1 / (_rate_of_numbers(path, numbers) or np.inf)), 1e-9):
-        raise InputError(
-            path,
-            f"{last} begins {apart_s:.3g} s after {first}, expected channels of the same instants; put them on one "
-            "time axis, or give --rate to take them as they are",
-        )
+def _skews(path: Path, chosen: list[Signal], times: list[Signal], numbers: dict[str, float]) -> list[float]:
+    """How much later than the first channel each one is sampled [s], by the starts or axes of times that stand beside.
+
+    A converter with a multiplexer samples within a step. Raises InputError for channels that are farther apart.
+    """
+    known = [_begin(path, signal, times, numbers) for signal in chosen]
+    said = _rate_of_numbers(path, numbers)
+    axis = next((each.step_s for each in known if each and each.step_s), None)
+    step_s = axis or chosen[0].step_s or (1 / said if said else None)
+    skews = [0.0] * len(chosen)
+    if not step_s:
+        return skews
+    for kind in dict.fromkeys(each.kind for each in known if each):
+        alike = [(k, each) for k, each in enumerate(known) if each and each.kind == kind]
+        first = alike[0][1]
+        for k, each in alike[1:]:
+            later_s, rounding_s = each.second - first.second, 4 * float(np.spacing(abs(first.second)))
+            if abs(later_s) > (1 + _SAME_RATE) * step_s + rounding_s:
+                early, late = (first, each) if later_s > 0 else (each, first)
+                raise InputError(
+                    path,
+                    f"{late.name} begins {abs(later_s):.3g} s after {early.name}, expected channels of the same "
+                    "instants; put them on one time axis, or give --rate to take them as they are",
+                )
+            skews[k] = skew(later_s, step_s) if abs(later_s) > rounding_s else 0.0
+    return skews
+
+
+class _Begin(NamedTuple):
+    """When an array begins, of those of one kind."""
+
+    name: str
+    second: float
+    kind: str
+    """What the second counts from: `utc` where it is the format's, `dates`, `axis`, `number`."""
+    step_s: float | None = None
+    """Of the axis of times."""
+
+
+def _begin(path: Path, signal: Signal, times: list[Signal], numbers: dict[str, float]) -> _Begin | None:
+    """By the format, by the axis of times or the number in the same group or struct; None where nothing says so."""
+    if signal.start_utc_ns is not None:
+        return _Begin(signal.name, signal.start_utc_ns * 1e-9, "utc")
+    for axis in times:
+        if _owner(axis.name) and signal.name.startswith(f"{_owner(axis.name)}/") and axis.length == signal.length:
+            try:
+                seconds, _, begun = _seconds(path, axis)
+            except InputError:
+                continue  # the clock's own axis is judged elsewhere
+            if (np.diff(seconds) >= 0).all() and seconds[-1] > seconds[0]:
+                step_s = float(seconds[-1] - seconds[0]) / (len(seconds) - 1)
+                kind, second = ("axis", seconds[0]) if begun is None else ("dates", begun * 1e-9)
+                return _Begin(axis.name, float(second), kind, step_s)
+    for label, value in numbers.items():
+        name, unit = split_label(label.rpartition("/")[2])
+        if _key(name) in _STARTS and _owner(label) and f"{signal.name}/".startswith(f"{_owner(label)}/"):
+            since_1970 = next((factor for least, factor in _UNIX if abs(value) > least), 1.0)
+            return _Begin(label, value * (_step_unit(unit) if unit else since_1970), "number")
+    return None
 
 
 def _owner(label: str) -> str:
     """Group, struct or array that a number or an array of times belongs to."""
     return label.rpartition("/")[0]
-
-
-def _last(label: str) -> str:
-    return split_label(label.rpartition("/")[2])[0]
 
 
 def _channel(signal: Signal) -> Channel:

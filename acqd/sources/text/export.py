@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, field, replace
 from itertools import islice
 from pathlib import Path
 
@@ -15,6 +15,7 @@ from acqd.arrays import Floats
 from acqd.errors import InputError
 from acqd.sources.recording.channel import Channel, Column, Recording
 from acqd.sources.recording.clock import Clock, of_times
+from acqd.sources.recording.siblings import skew
 from acqd.sources.recording.units import TIME_NAMES, UnknownUnitError, unit_of
 from acqd.sources.text import clock
 from acqd.sources.text.layout import Layout, key_of
@@ -100,7 +101,7 @@ class Export:
             raise InputError(self.text.path, "has a header but no samples")
         self._refuse_codes(needed, given)
         if not given.rate:
-            self._refuse_shifted(needed)
+            self._set_skews(recording, needed)
         found = clock.of_preamble(self.text.path, self.table, self.layout)
         if numeric:
             column = self.values.pop(times[0]) if times[0] not in needed else self.values[times[0]]
@@ -182,25 +183,50 @@ class Export:
                 found[k] = unit or 1.0
         return found
 
-    def _refuse_shifted(self, needed: list[int]) -> None:
-        """Raises InputError where channels stand behind time axes that differ: their samples do not belong together."""
+    def _set_skews(self, recording: Recording, needed: list[int]) -> None:
+        """How much later than the first axis of times each channel is sampled, which stands behind another axis.
+
+        Raises InputError where that is more than a step, or changes: their samples do not belong together.
+        """
         axes = self._axes()
-        own = sorted({max((axis for axis in axes if axis < k), default=min(axes, default=-1)) for k in needed})
-        if len(own) < 2:
+        if len({self._axis_of(k, axes) for k in needed}) < 2:
             return
-        loaded = [k for k in own if k not in self.values]
-        self._load(loaded)
-        first, *others = (self.values[k] * axes[k] for k in own)
-        for k in loaded:
-            del self.values[k]
-        for k, axis in zip(own[1:], others, strict=True):
-            apart_s = float(np.abs(axis - first).max())
-            if apart_s > 0.5 * abs(float(first[-1] - first[0])) / max(len(first) - 1, 1):
+        seconds = self._rising(axes)
+        own = {k: self._axis_of(k, seconds) for k in needed}
+        reference = min(own.values())
+        for k, axis in own.items():
+            if axis == reference:
+                continue
+            first, later = seconds[reference], seconds[axis] - seconds[reference]
+            step_s, later_s = float(first[-1] - first[0]) / (len(first) - 1), float(later.mean())
+            if abs(later_s) > (1 + _SAME_RATE) * step_s or np.abs(later - later_s).max() > step_s / 2:
                 raise InputError(
                     self.text.path,
-                    f"the times in columns {own[0] + 1} and {k + 1} are up to {apart_s:.3g} s apart, expected channels "
-                    "of the same instants; put them on one time axis, or give --rate to take them as they are",
+                    f"the times in columns {reference + 1} and {axis + 1} are up to {np.abs(later).max():.3g} s apart, "
+                    "expected channels of the same instants; put them on one time axis, or give --rate to take them as "
+                    "they are",
                 )
+            recording.channels[k] = replace(recording.channels[k], skew_s=skew(later_s, step_s))
+
+    @staticmethod
+    def _axis_of(column: int, axes: Collection[int]) -> int:
+        """The last axis of times before a column, or the first of all; -1 without one."""
+        return max((axis for axis in axes if axis < column), default=min(axes, default=-1))
+
+    def _rising(self, axes: dict[int, float]) -> dict[int, Floats]:
+        """Times [s] in columns whose name or unit says that they are times, and that rise as those of samples do."""
+        found = {}
+        for k, factor in axes.items():
+            known = k in self.values
+            if not known:
+                try:
+                    self._load([k])
+                except InputError:
+                    continue  # results that stand in some rows
+            seconds = (self.values[k] if known else self.values.pop(k)) * factor
+            if (np.diff(seconds) >= 0).all() and seconds[-1] > seconds[0]:
+                found[k] = seconds
+        return found
 
     def _rises_evenly(self) -> bool:
         """Whether the first column, which has no name, rises as times in seconds do."""

@@ -173,6 +173,25 @@ def test_channels_that_begin_at_different_times_are_refused(tmp_path, late_s):
         assert_metered(load_waveform(path, ChannelMap(rate=RATE)) if late_s else load_waveform(path))
 
 
+@pytest.mark.parametrize("rows_late", [0.5, 1.0])
+def test_channels_of_a_multiplexed_converter_are_put_at_one_instant(tmp_path, rows_late):
+    late_s, step = rows_late / RATE, {"dt": 1 / RATE}
+    later = 5 * np.sqrt(2) * np.cos(2 * np.pi * 50 * (T + late_s) - 0.5)
+    written = [
+        mat(tmp_path, u={"time": T, "values": U}, i={"time": T + late_s, "values": later}),
+        hdf(tmp_path, u1=(U, step | {"t0 [ms]": 1.0}), i1=(later, step | {"t0 [ms]": 1.0 + 1000 * late_s})),
+        hdf(tmp_path, u1=(U, step | {"t0": 1.76e12}), i1=(later, step | {"t0": 1.76e12 + 1000 * late_s})),
+    ]
+    for path in written:
+        assert_metered(load_waveform(path))
+
+
+def test_times_that_are_no_axis_of_the_samples_shift_no_channel(tmp_path):
+    response = 0.01 * np.cos(50 * T)  # s, a result
+    for one in (response, np.where(T > 0.01, T, np.nan)):
+        assert_metered(load_waveform(mat(tmp_path, t=T, u={"values": U}, i={"values": I, "time": one})))
+
+
 def test_a_field_of_a_struct_is_the_unit_of_its_samples(tmp_path):
     channels = [{"name": "u1", "data": U / 1e3, "unit": "kV"}, {"name": "i1", "data": I * 1e3, "unit": "mA"}]
     assert_metered(load_waveform(mat(tmp_path, ch=np.array(channels, dtype=object), fs=RATE)))

@@ -218,6 +218,20 @@ def test_what_a_table_cannot_mean_is_refused_with_the_reason(tmp_path, head, row
         load_waveform(written(tmp_path, head, rows))
 
 
+def test_an_axis_of_times_within_a_step_shifts_its_channels_and_other_times_do_not(tmp_path):
+    columns = VOLTS, AMPERES
+    aligned = load_waveform(written(tmp_path, ["time [s],u1 [V],i1 [A]"], PLAIN))
+    later = np.interp(T + 1e-4, T, AMPERES)
+    rows = [f"{t:.5f},{u:.4f},{1000 * t + 0.1:.2f},{i:.4f}" for t, u, i in zip(T, VOLTS, later, strict=True)]
+    shifted = load_waveform(written(tmp_path, ["time [s],u1 [V],time [ms],i1 [A]"], rows))
+    assert np.abs(shifted.codes[:900] - aligned.codes[1:901]).max() < 0.02 * 325
+    results = ["20.1" if k < 3 else "" for k in range(len(T))], [f"{20 + k % 7}" for k in range(len(T))]
+    for beside in results:
+        rows = [f"{t:.5f},{u:.4f},{x},{i:.4f}" for t, u, x, i in zip(T, *columns[:1], beside, AMPERES, strict=True)]
+        loaded = load_waveform(written(tmp_path, ["time [s],u1 [V],period [ms],i1 [A]"], rows))
+        assert np.array_equal(loaded.codes, aligned.codes)
+
+
 def test_stamps_that_leave_rows_out_are_not_overruled_by_a_rate_above_them(tmp_path):
     stamps = [f"2024-03-01T10:00:{t + (0.5 if t > 0.1 else 0):09.6f}" for t in T]
     rows = [f"{stamp},{row.partition(',')[2]}" for stamp, row in zip(stamps, PLAIN, strict=True)]
