@@ -19,7 +19,7 @@ UNITS = ("unit", "units", "unit_string", "dimension")
 SAMPLES = ("values", "value", "data", "y", "samples")
 """Fields of a struct whose unit the field `unit` is."""
 _MISSING = ("_FillValue", "missing_value")
-"""Attributes of values that stand for missing samples (CF conventions)."""
+"""Attributes of values that stand for missing samples (CF conventions); alternating quantities pass 0."""
 _UNUSED = ("scale", "gain", "factor", "multiplier", "calibration", "range")
 _MOST = 10_000  # datasets
 _ADVICE = "store the arrays as datasets time, u1, i1 ..., with an attribute unit"
@@ -141,7 +141,7 @@ def _reader(path: Path, name: str, column: str | None = None) -> Any:
             values = np.asarray(dataset[...] if column is None else dataset[column])
             marks = {key: scalar(dataset.attrs[key]) for key in _MISSING if key in dataset.attrs and column is None}
             for key, mark in marks.items():
-                missing = np.flatnonzero(values == mark) if mark is not None else np.empty(0, dtype=np.intp)
+                missing = np.flatnonzero(values == mark) if mark else np.empty(0, dtype=np.intp)
                 if missing.size:
                     raise InputError(path, f"{name}: sample {missing[0] + 1} is marked as missing ({key})")
             return values

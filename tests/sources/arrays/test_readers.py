@@ -203,6 +203,8 @@ def test_a_field_of_a_struct_is_the_unit_of_its_samples(tmp_path):
 
 def test_a_mark_of_missing_samples_is_no_sample(tmp_path):
     values = np.where(np.arange(len(T)) == 700, -9999.0, I)
+    zero = np.where(np.abs(U) < 1.0, 0.0, U)
+    assert_metered(load_waveform(hdf(tmp_path, t=(T, {}), u1=(zero, {"_FillValue": 0.0}), i1=(I, {}))))
     path = hdf(tmp_path, t=(T, {}), u1=(U, {"_FillValue": 9.97e36}), i1=(values, {"_FillValue": -9999.0}))
     with pytest.raises(InputError, match="sample 701 is marked as missing"):
         load_waveform(path)
