@@ -78,13 +78,12 @@ def common_step(changes: Floats) -> float:
 
 def _step(values: Floats) -> float:
     known, rows = np.unique(values, return_counts=True)
-    if len(known) < _FEWEST_VALUES:
-        return 0.0
     if len(known) < _LEAST_VALUES:
         return _decimals(values)
     gaps = np.diff(known)
     if np.median(rows) < _REPEATED:
-        counts = common_step(gaps)
+        clear = gaps[gaps > 0.1 * 10.0**-_FINEST]  # others are the rounding of doubles
+        counts = common_step(clear) if len(clear) else 0.0
         changes = np.unique(np.rint(np.abs(np.diff(values)) / counts)) if counts else ()
         return max(_decimals(values), counts if len(changes) > _FEWEST_VALUES else 0.0)
     usual = float(np.median(gaps))
@@ -96,6 +95,8 @@ def _decimals(values: Floats) -> float:
     """The last decimal of values, or of the degrees that they were; 0 with too many."""
     for unit in (1.0, np.pi / 180):
         distinct = len(np.unique(np.rint(values / unit * 10.0 ** (_FINEST + 1))))
+        if distinct < _FEWEST_VALUES:
+            continue
         for digits in range(_FINEST + 1):
             counts = values / unit * 10.0**digits
             whole = np.rint(counts)

@@ -31,6 +31,7 @@ def test_rest_at_a_round_angle_shows_no_step_and_counts_of_an_encoder_do():
     assert resolution(values) == 0.0
     count = 2 * np.pi / 4096
     assert resolution((np.rint(values / count) * count).round(9)) == pytest.approx(count, rel=1e-3)
+    assert resolution(np.where(t < 0.05, 1e-310 * np.arange(len(t)), values)) == 0.0  # a spline through rest at 0
 
 
 def test_three_digits_of_millimetres_are_a_step_of_one_millimetre():
