@@ -110,8 +110,8 @@ class Dataset:
         try:
             table = pa.Table.from_pandas(frame, preserve_index=False)
         except (pa.ArrowException, ValueError, TypeError) as error:
-            said = "; ".join(str(each) for each in reversed(error.args)).splitlines()[0]
-            raise UserError(f"the data frame cannot be read: {said}") from None
+            said = "; ".join(str(each) for each in reversed(error.args)).splitlines() or [type(error).__name__]
+            raise UserError(f"the data frame cannot be read: {said[0]}") from None
         return cls.from_arrow(table, out, robot=robot, measured=measured)
 
     @property

@@ -156,7 +156,8 @@ def _require_placements(alignment: Alignment, faults: Sequence[str] = ()) -> Non
     """
     placements = alignment.placements
     placed = [placement for placement in placements if placement.method != "refused"]
-    causes = f"{len(faults)} logs, the first: {faults[0]}" if faults else _CAUSES
+    doubtful = f"The times of {len(faults)} of them are doubtful, the first: {faults[0]}. " if faults else ""
+    causes = f"{doubtful}{_CAUSES}"
     best = f"best R2 {max(placement.own.r2 for placement in placements):.2f}"
     if not placed:
         raise UserError(
