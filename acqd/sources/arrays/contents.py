@@ -22,7 +22,7 @@ from acqd.sources.recording.clock import of_times
 from acqd.sources.recording.label import readings
 from acqd.sources.recording.siblings import skew
 from acqd.sources.recording.units import TIME_NAMES, UnknownUnitError, split_label, unit_of
-from acqd.sources.waveform import LATEST_NS, MOST_BYTES, ChannelMap
+from acqd.sources.waveform import LATEST_NS, MOST_BYTES, ChannelMap, position
 
 _RATES = {"fs", "rate", "samplerate", "samplingrate", "samplingfrequency", "samplefrequency", "frequencyofsampling",
           "sampfreq", "abtastrate", "sr"}  # fmt: skip
@@ -154,13 +154,23 @@ def recording_of(path: Path, title: str, contents: Contents, given: ChannelMap, 
     if left:
         notes.append(f"other lengths or rates than {chosen[0].name} have {', '.join(left[:6])}: left out")
     length = chosen[0].length
-    skews = _skews(path, chosen, times, contents.numbers) if not given.rate else [0.0] * len(chosen)
-    shown = [replace(_channel(signal), skew_s=skew_s) for signal, skew_s in zip(chosen, skews, strict=True)]
+    shown = [_channel(signal) for signal in chosen]
+    used = _used(path, shown, given)
+    if used and not given.rate:
+        skews = _skews(path, [chosen[k] for k in used], times, contents.numbers)
+        for k, skew_s in zip(used, skews, strict=True):
+            shown[k] = replace(shown[k], skew_s=skew_s)
     recording = Recording(
         path, title, shown, length, lambda k: _column(path, chosen[k]), None,
         notes=notes, noun="array", advice=advice,
     )  # fmt: skip
-    _set_clock(recording, chosen, [one for one in times if one.length == length], contents.numbers, given)
+    _set_clock(
+        recording,
+        [chosen[k] for k in used] or chosen,
+        [one for one in times if one.length == length],
+        contents.numbers,
+        given,
+    )
     recording.f_nominal = next((v for k, v in contents.numbers.items() if _key(k) in ("fnominal", "fnom")), None)
     recording.simulated = bool(contents.numbers.get("simulated"))
     if given.u_scale is None and given.i_scale is None:
@@ -193,15 +203,34 @@ def _of_one_clock(channels: list[Signal], given: ChannelMap) -> list[Signal]:
     return [signal for signal in channels if (signal.length, signal.step_s) == best]
 
 
+def _used(path: Path, channels: list[Channel], given: ChannelMap) -> list[int]:
+    """Numbers of the channels that may be metered: those of the --map, else those that are voltages or currents."""
+    if given.columns:
+        names = [channel.name for channel in channels]
+        return [position(path, names, column, "array") for column in given.columns.values()]
+    return [k for k, one in enumerate(channels) if _quantity(one) in ("u", "i")]
+
+
+def _quantity(channel: Channel) -> str:
+    """By the unit, else by the name; empty where neither says so."""
+    try:
+        unit = unit_of(channel.unit)
+    except UnknownUnitError:
+        return ""
+    return unit.quantity if unit else next((one.quantity for one in readings(channel.name) if one.quantity), "")
+
+
 def _skews(path: Path, chosen: list[Signal], times: list[Signal], numbers: dict[str, float]) -> list[float]:
     """How much later than the first channel each one is sampled [s], by the starts or axes of times that stand beside.
 
     A converter with a multiplexer samples within a step. Raises InputError for channels that are farther apart.
     """
-    known = [_begin(path, signal, times, numbers) for signal in chosen]
+    beside = [one for one in times if _owner(one.name) and one.length == chosen[0].length]
+    axes = {one.name: axis for one in beside if (axis := _axis(path, one)) is not None}
+    known = [_begin(signal, axes, numbers) for signal in chosen]
     said = _rate_of_numbers(path, numbers)
-    axis = next((each.step_s for each in known if each and each.step_s), None)
-    step_s = axis or chosen[0].step_s or (1 / said if said else None)
+    axis_s = next((each.step_s for each in known if each and each.step_s), None)
+    step_s = axis_s or chosen[0].step_s or (1 / said if said else None)
     skews = [0.0] * len(chosen)
     if not step_s:
         return skews
@@ -215,7 +244,7 @@ def _skews(path: Path, chosen: list[Signal], times: list[Signal], numbers: dict[
                 raise InputError(
                     path,
                     f"{late.name} begins {abs(later_s):.3g} s after {early.name}, expected channels of the same "
-                    "instants; put them on one time axis, or give --rate to take them as they are",
+                    "instants; choose others with --map, or put them on one time axis (--rate takes them as they are)",
                 )
             skews[k] = skew(later_s, step_s) if abs(later_s) > rounding_s else 0.0
     return skews
@@ -232,20 +261,25 @@ class _Begin(NamedTuple):
     """Of the axis of times."""
 
 
-def _begin(path: Path, signal: Signal, times: list[Signal], numbers: dict[str, float]) -> _Begin | None:
+def _axis(path: Path, signal: Signal) -> _Begin | None:
+    """Of an array of times; None where it does not rise as the times of samples do."""
+    try:
+        seconds, _, begun = _seconds(path, signal)
+    except InputError:
+        return None  # the clock's own axis is judged elsewhere
+    if (np.diff(seconds) < 0).any() or not seconds[-1] > seconds[0]:
+        return None
+    kind, second = ("axis", float(seconds[0])) if begun is None else ("dates", begun * 1e-9)
+    return _Begin(signal.name, second, kind, float(seconds[-1] - seconds[0]) / (len(seconds) - 1))
+
+
+def _begin(signal: Signal, axes: dict[str, _Begin], numbers: dict[str, float]) -> _Begin | None:
     """By the format, by the axis of times or the number in the same group or struct; None where nothing says so."""
     if signal.start_utc_ns is not None:
         return _Begin(signal.name, signal.start_utc_ns * 1e-9, "utc")
-    for axis in times:
-        if _owner(axis.name) and signal.name.startswith(f"{_owner(axis.name)}/") and axis.length == signal.length:
-            try:
-                seconds, _, begun = _seconds(path, axis)
-            except InputError:
-                continue  # the clock's own axis is judged elsewhere
-            if (np.diff(seconds) >= 0).all() and seconds[-1] > seconds[0]:
-                step_s = float(seconds[-1] - seconds[0]) / (len(seconds) - 1)
-                kind, second = ("axis", seconds[0]) if begun is None else ("dates", begun * 1e-9)
-                return _Begin(axis.name, float(second), kind, step_s)
+    axis = next((name for name in axes if signal.name.startswith(f"{_owner(name)}/")), None)
+    if axis is not None:
+        return axes[axis]
     for label, value in numbers.items():
         name, unit = split_label(label.rpartition("/")[2])
         if _key(name) in _STARTS and _owner(label) and f"{signal.name}/".startswith(f"{_owner(label)}/"):

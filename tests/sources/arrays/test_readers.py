@@ -186,6 +186,15 @@ def test_channels_of_a_multiplexed_converter_are_put_at_one_instant(tmp_path, ro
         assert_metered(load_waveform(path))
 
 
+def test_only_channels_that_are_metered_must_begin_together(tmp_path):
+    runs = {f"run{k}": {"time": T + k, "u": U, "i": I} for k in (1, 2)}
+    with pytest.raises(InputError, match="choose others with --map"):
+        load_waveform(mat(tmp_path, **runs))
+    assert_metered(load_waveform(mat(tmp_path, **runs), ChannelMap({"u1": "run2/u", "i1": "run2/i"})))
+    heat = {"time": T + 60, "values": 20 + T}
+    assert_metered(load_waveform(mat(tmp_path, t=T, u1=U, i1=I, temperature=heat)))
+
+
 def test_times_that_are_no_axis_of_the_samples_shift_no_channel(tmp_path):
     response = 0.01 * np.cos(50 * T)  # s, a result
     for one in (response, np.where(T > 0.01, T, np.nan)):
