@@ -142,18 +142,27 @@ def _of_lines(
     notes: tuple[str, ...],
 ) -> Waveform:
     """Star voltages from voltages between lines; every row is flagged `derived`. `clock`: rate and nominal f."""
-    if any(recording.channels[k].skew_s for _, k in selection.keys):
-        raise InputError(recording.path, "has voltages between lines and channels with a skew; expected one or other")
-    volts = np.column_stack([_values(recording, given, f"u{a}{b}", k) for (a, b), k in selection.voltages])
-    amperes = np.column_stack([_values(recording, given, f"i{phase}", k) for phase, k in selection.currents])
+    keys = [(f"u{a}{b}", k) for (a, b), k in selection.voltages] + [(f"i{one}", k) for one, k in selection.currents]
+    skews_s = [recording.channels[k].skew_s for _, k in keys]
+    relative = [(skew_s - skews_s[0]) * clock[0] for skew_s in skews_s]
+    first, last = _common(recording, relative)
+    columns = [
+        delayed(_values(recording, given, key, k), skew, first, last)
+        for (key, k), skew in zip(keys, relative, strict=True)
+    ]
+    pairs = len(selection.voltages)
+    volts, amperes = np.column_stack(columns[:pairs]), np.column_stack(columns[pairs:])
+    start = recording.start_utc_ns
+    if start is not None:
+        start += round((skews_s[0] + first / clock[0]) * 1e9)
     star = star_voltages(recording.path, [pair for pair, _ in selection.voltages], volts, amperes)
-    values = np.empty((recording.samples, 6))
+    values = np.empty((last - first, 6))
     values[:, 0::2], values[:, 1::2] = star, amperes
     check_values(recording.path, values)
     form = stream_format(recording.path, clock[0], [1.0] * 6, clock[1], values)
     names = ", ".join(recording.channels[k].name for _, k in selection.voltages)
     said = f"{names} are voltages between lines: star voltages are derived from them, and rows are flagged derived"
-    return _finished(recording, values, form, recording.start_utc_ns, (said, *notes), frozenset({"derived"}))
+    return _finished(recording, values, form, start, (said, *notes), frozenset({"derived"}))
 
 
 def _values(recording: Recording, given: ChannelMap, key: str, channel: int) -> Floats:

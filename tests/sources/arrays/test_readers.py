@@ -186,6 +186,21 @@ def test_channels_of_a_multiplexed_converter_are_put_at_one_instant(tmp_path, ro
         assert_metered(load_waveform(path))
 
 
+def test_voltages_between_lines_of_a_multiplexed_converter_are_put_at_one_instant(tmp_path):
+    def wave(rms, phase, rows_late):
+        return rms * np.sqrt(2) * np.cos(2 * np.pi * 50 * (T + rows_late / RATE) + phase)
+
+    def channel(k, rms, phase):
+        return {"time": T + k / 8 / RATE, "values": wave(rms, phase, k / 8)}
+
+    third = 2 * np.pi / 3
+    lines = {name: channel(k, 400, np.pi / 6 - k * third) for k, name in enumerate(("u12", "u23", "u31"))}
+    amperes = {f"i{k + 1}": channel(k + 3, 5, -0.5 - k * third) for k in range(3)}
+    waveform = load_waveform(mat(tmp_path, **lines, **amperes))
+    batch = Meter(waveform.form).feed(SampleBlock(waveform.codes, 0, 0))
+    assert float(batch.P[:, -1].sum()) == pytest.approx(np.sqrt(3) * 400 * 5 * np.cos(0.5), rel=1e-4)
+
+
 def test_only_channels_that_are_metered_must_begin_together(tmp_path):
     runs = {f"run{k}": {"time": T + k, "u": U, "i": I} for k in (1, 2)}
     with pytest.raises(InputError, match="choose others with --map"):
