@@ -142,13 +142,12 @@ def _of_lines(
     notes: tuple[str, ...],
 ) -> Waveform:
     """Star voltages from voltages between lines; every row is flagged `derived`. `clock`: rate and nominal f."""
-    keys = [(f"u{a}{b}", k) for (a, b), k in selection.voltages] + [(f"i{one}", k) for one, k in selection.currents]
-    skews_s = [recording.channels[k].skew_s for _, k in keys]
+    skews_s = [recording.channels[k].skew_s for _, k in selection.keys]
     relative = [(skew_s - skews_s[0]) * clock[0] for skew_s in skews_s]
     first, last = _common(recording, relative)
     columns = [
         delayed(_values(recording, given, key, k), skew, first, last)
-        for (key, k), skew in zip(keys, relative, strict=True)
+        for (key, k), skew in zip(selection.keys, relative, strict=True)
     ]
     pairs = len(selection.voltages)
     volts, amperes = np.column_stack(columns[:pairs]), np.column_stack(columns[pairs:])
