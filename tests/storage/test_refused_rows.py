@@ -167,6 +167,31 @@ def test_rows_here_and_there_are_found_and_cost_no_second_transaction(tmp_path, 
     assert 0 < written.rows < 171 and receipted(written)["cell1"] == written.rows == 200 - written.waiting
 
 
+def test_that_there_are_no_further_copies_is_said_once(tmp_path, caplog):
+    engine = open_database(str(tmp_path / "a.sqlite"))
+    writer = Writer(engine, malformed_bytes_per_day=2_000)
+    with engine.begin() as connection:
+        connection.exec_driver_sql(f"{TRIGGER.format('power_row')} BEGIN SELECT RAISE(ABORT, 'no site'); END")
+    writer.write([message(row(0))])
+    assert "no copy" not in writer.refusals.trouble
+    for seq in range(1, 9, 4):
+        writer.write([message(row(k)) for k in range(seq, seq + 4)])
+    assert 1 < count(engine, quarantine) < 9 and caplog.text.count("of further ones there is no copy") == 1
+    assert "those that nobody sends again are lost" in writer.refusals.trouble
+
+
+def test_copies_that_cannot_leave_the_quarantine_are_not_restored(tmp_path):
+    engine = open_database(str(tmp_path / "a.sqlite"))
+    with engine.begin() as connection:
+        connection.exec_driver_sql(f"{TRIGGER.format('power_row')} BEGIN SELECT RAISE(ABORT, 'no site'); END")
+    Writer(engine).write([message(row(0))])
+    with engine.begin() as connection:
+        connection.exec_driver_sql("DROP TRIGGER d")
+        connection.exec_driver_sql("CREATE TRIGGER d BEFORE DELETE ON quarantine BEGIN SELECT RAISE(ABORT, 'stay'); END")
+    done = restore(engine, Which())
+    assert (done.restored, done.refused, done.why_refused) == (0, 1, "stay") and count(engine) == 1
+
+
 def test_a_right_that_was_taken_is_the_tables_and_no_row_is_set_apart(postgres):
     engine = open_database(postgres)
     writer = Writer(engine)
