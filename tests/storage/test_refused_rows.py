@@ -187,7 +187,9 @@ def test_copies_that_cannot_leave_the_quarantine_are_not_restored(tmp_path):
     Writer(engine).write([message(row(0))])
     with engine.begin() as connection:
         connection.exec_driver_sql("DROP TRIGGER d")
-        connection.exec_driver_sql("CREATE TRIGGER d BEFORE DELETE ON quarantine BEGIN SELECT RAISE(ABORT, 'stay'); END")
+        connection.exec_driver_sql(
+            "CREATE TRIGGER d BEFORE DELETE ON quarantine BEGIN SELECT RAISE(ABORT, 'stay'); END"
+        )
     done = restore(engine, Which())
     assert (done.restored, done.refused, done.why_refused) == (0, 1, "stay") and count(engine) == 1
 
