@@ -44,6 +44,7 @@ REFUSALS = {
     "check": ("postgres", f"ALTER TABLE power ADD CONSTRAINT d CHECK (device <> '{BAD}')"),
     "column": ("postgres", "ALTER TABLE power ALTER boot TYPE varchar(6)"),
     "trigger": ("postgres", postgres_trigger("RAISE EXCEPTION 'no site';")),
+    "trigger with a code of its own": ("postgres", postgres_trigger("RAISE 'no site' USING ERRCODE = 'U0001';")),
     "trigger drops": ("postgres", postgres_trigger("RETURN NULL;")),
     "part by trigger": ("postgres", postgres_trigger("INSERT INTO gone VALUES (NEW.*); RETURN NULL;")),
     "deferred": (
