@@ -60,10 +60,10 @@ def drifted_level(selection: Selection) -> list[str]:
 
 def usual_differences(selection: Selection) -> list[str]:
     """A note of what would lead if unchanged sessions did not differ by as much."""
+    names = [f"{each.id} ({each.where})" if each.id else each.name for each in selection.usual]
     return [
-        f"{each.id} ({each.where}): unchanged sessions of the reference differ by as much, so that effects are judged "
-        "beside such a difference"
-        for each in selection.usual
+        f"unchanged sessions of the reference differ as much by {name}: effects are judged beside such a difference"
+        for name in names
     ]
 
 

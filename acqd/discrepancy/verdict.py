@@ -40,12 +40,12 @@ def settled(
         if grown or (trial is not None and trial.predicts and trial.gain_W > 0):
             return "unknown_structure", []
         return "not_identifiable", [f"what follows an unnamed cause is in an error that has not grown ({sizes})"]
+    if improved.hypotheses:
+        return "not_identifiable", []
     laws = [each.name for each in selection.usual if not each.id]
     if laws:
         more = f"{laws[0]} explains more than every name, and unchanged sessions differ by it, too"
         return "not_identifiable", [more]
-    if improved.hypotheses:
-        return "not_identifiable", []
     if usual.reference and grown:
         return "not_identifiable", [f"the error of the model has grown ({sizes}), and no cause is credible"]
     short = subject.fit_s < THRESHOLDS.enough_s

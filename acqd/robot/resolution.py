@@ -26,8 +26,7 @@ _MANY = 0.3
 _FEWEST_VALUES = 3
 """Distinct values that show a step: a joint that rests at 0, or at 1 rad, shows none."""
 _LEAST_VALUES, _REPEATED = 20, 3
-"""Values, and rows of each, by which counts of an encoder are known: a joint at constant speed has even steps, too.
-Values that come once are counts where all are whole steps apart, and follow each other by different numbers of them."""
+"""Values, and rows of each, by which counts of an encoder are known: a joint at constant speed has even steps, too."""
 _ERROR = 0.05
 """rad/s^2 or m/s^2, standard error of an acceleration that changes neither lag nor model."""
 _SHORTEST_S, _LONGEST_S = 0.1, 0.4
@@ -80,13 +79,9 @@ def _step(values: Floats) -> float:
     known, rows = np.unique(values, return_counts=True)
     if len(known) < _FEWEST_VALUES:
         return 0.0
-    if len(known) < _LEAST_VALUES:
+    if len(known) < _LEAST_VALUES or np.median(rows) < _REPEATED:
         return _decimals(values)
     gaps = np.diff(known)
-    if np.median(rows) < _REPEATED:
-        counts = common_step(gaps)
-        changes = np.unique(np.rint(np.abs(np.diff(values)) / counts)) if counts else ()
-        return max(_decimals(values), counts if len(changes) > _FEWEST_VALUES else 0.0)
     usual = float(np.median(gaps))
     whole = np.abs(gaps / usual - np.rint(gaps / usual)) < _WHOLE
     return _decimals(values) or (usual if whole.mean() > _WHOLE_SHARE else 0.0)

@@ -68,6 +68,7 @@ def memory():
     from acqd.storage.database import migrate
 
     migrate(engine)
+    sa.event.listen(engine, "begin", lambda connection: connection.exec_driver_sql("BEGIN"))
     return engine
 
 

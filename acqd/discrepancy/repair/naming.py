@@ -26,7 +26,7 @@ def named_effects(
         judged[selected.key] = named_or_not(reported(selection, selected, scale))
         if judged[selected.key].status == "named" and _only_beyond_reference(selection, selected):
             lacks = "evidence at speeds that the reference has, too"
-            judged[selected.key] = judged[selected.key].without_name("hypothesis", lacks)
+            judged[selected.key] = judged[selected.key].without_name("refused", lacks)
     return [*effects, *judged.values()]
 
 
@@ -37,7 +37,11 @@ def _only_beyond_reference(selection: Selection, selected: Selected) -> bool:
 
 
 def named_or_not(effect: Reported) -> Reported:
-    """The effect as it is, or as a hypothesis."""
+    """The effect as it is; a hypothesis, where another cause is too likely; refused, where there may be no cause."""
+    if not effect.possible:
+        return effect.without_name("refused", "a size within its physical bounds")
+    if effect.may_be_nothing:
+        return effect.without_name("refused", "a size whose 95 % interval excludes zero")
     least = THRESHOLDS.least_confidence
     if effect.doubt is not None:
         law = unnamed(effect.doubt.finding.candidate.label)
@@ -49,8 +53,4 @@ def named_or_not(effect: Reported) -> Reported:
     rival, share = max(effect.alternatives, key=lambda pair: pair[1], default=("", 0.0))
     if effect.hypothesis is not None and share > effect.confidence:  # beside later effects, another one leads
         return effect.without_name("hypothesis", f"more evidence than {rival}")
-    if not effect.possible:
-        return effect.without_name("hypothesis", "a size within its physical bounds")
-    if effect.may_be_nothing:
-        return effect.without_name("hypothesis", "a size whose 95 % interval excludes zero")
     return effect

@@ -16,6 +16,7 @@ import numpy as np
 from scipy.linalg import block_diag, cho_factor, cho_solve
 
 from acqd.arrays import Floats
+from acqd.discrepancy.loads.common import CommonLoad
 from acqd.discrepancy.recordings import Subject
 from acqd.discrepancy.regression.gram import Indices
 from acqd.discrepancy.regression.least_squares import Regression
@@ -26,7 +27,6 @@ from acqd.models.effects import library
 from acqd.models.effects.effect import effect_rows_at
 from acqd.models.effects.scene import Scene, segment_scene
 from acqd.models.greybox.model import GreyBox
-from acqd.residual.residuals import errors_of
 from acqd.residual.thresholds import NOISE
 from acqd.residual.whitening import Whitener
 
@@ -122,8 +122,8 @@ class Predictive:
     learning_rate: float
     beside: Beside | None = None
     """None where the model that is asked about is not the base of the regression."""
-    load: tuple[Floats, ...] | None = None
-    """[T] W per held-out segment, of a load that switches on both sides."""
+    load: CommonLoad | None = None
+    """That switches on both sides."""
 
     @classmethod
     def of(cls, selection: Selection, subject: Subject) -> Predictive:
@@ -132,18 +132,19 @@ class Predictive:
         model = subject.model.base if isinstance(subject.model, Augmented) else subject.model
         known = subject.question == "change" and isinstance(model, GreyBox)
         beside = Beside.of(selection, subject) if known else None
-        load = selection.design.columns.load
-        power = None
-        if load is not None:
-            errors = errors_of(subject.model, subject.held_out)
-            if beside is not None:
-                errors = [own - lacks for own, lacks in zip(errors, beside.given(())[0], strict=True)]
-            power = tuple(load.power(errors))
-        return cls(selection.design.whitener, levels[0] if levels else 0.0, selection.rows.learning_rate, beside, power)
+        load, level_W = selection.design.columns.load, levels[0] if levels else 0.0
+        return cls(selection.design.whitener, level_W, selection.rows.learning_rate, beside, load)
 
     def without_load(self, errors: list[Floats]) -> list[Floats]:
-        """Errors [T] W of the held-out segments without the power of the common load."""
-        return errors if self.load is None else [own - on for own, on in zip(errors, self.load, strict=True)]
+        """Errors [T] W of the held-out segments without the power of the common load, as these errors show the load.
+
+        In the errors of a model without an effect, the load's states would be those of load and effect together.
+        """
+        if self.load is None:
+            return errors
+        lacks = [np.zeros(1)] * len(errors) if self.beside is None else self.beside.given(())[0]
+        power = self.load.power([own - more for own, more in zip(errors, lacks, strict=True)])
+        return [own - on for own, on in zip(errors, power, strict=True)]
 
     def density(self, errors: list[Floats], effects: Collection[tuple[str, str]]) -> float:
         """Twice the log predictive density of errors [T] W of segments, up to a constant.

@@ -32,7 +32,7 @@ _UNITS = {
 
 
 Status = Literal["named", "added", "reported", "hypothesis", "refused"]
-"""Not judged yet; in the model; named, not in the model; too little to name; no help on held-out recordings."""
+"""Not judged yet; in the model; named, not in the model; another cause may be there; no cause may be there."""
 
 
 @dataclass(frozen=True, slots=True)

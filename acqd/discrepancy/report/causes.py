@@ -31,7 +31,7 @@ def believed(closed: Closed) -> Belief | None:
 
 
 def leading(closed: Closed) -> Reported | None:
-    """The effect that was selected first, named or not; None where held-out recordings refuse that effect."""
+    """The effect that was selected first, named or not; None where that effect may be nothing."""
     first = next(iter(closed.improved.effects), None)
     return None if first is None or first.status == "refused" else first
 

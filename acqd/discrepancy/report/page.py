@@ -69,6 +69,9 @@ def _causes(page: Page, closed: Closed) -> None:
         return
     page.heading("What may be the cause")
     page.text(_sentence(causes.sentence(belief)))
+    if causes.leading(closed) is not None:
+        page.text("Probabilities are the confidence in the effect that was selected first, and in its rivals.")
+        return
     cases = shipped().source.partition(" (")[0]  # without the names of the plants
     page.text(f"Probabilities are calibrated on {cases}. Plants of another kind may be missed more often.")
 

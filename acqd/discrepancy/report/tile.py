@@ -133,7 +133,7 @@ def _how_sure(closed: Closed) -> list[KeyFigure]:
 
 def _causes(closed: Closed) -> list[KeyFigure]:
     """The set of causes, where that is short enough to look for each of them."""
-    belief = causes.believed(closed)
+    belief = None if causes.leading(closed) is not None else causes.believed(closed)  # else that is "how sure"
     if belief is None or len(belief.members) > _MOST_CAUSES:
         return []
     likely = [label for label in belief.members if belief.probabilities[label] >= causes.LEAST] or belief.members[:1]

@@ -45,6 +45,20 @@ def test_held_out_recordings_are_judged_without_the_load(site, model, robot):
     assert rms(Predictive.of(selection, subject).without_load(errors)) < 2.0 < 5.0 < rms(errors)
 
 
+def test_every_model_is_judged_beside_the_states_that_its_own_errors_show(site, model, robot):
+    """A friction of the load's size blurs the states; with the friction explained, the load leaves nothing."""
+    before, after, selection = site
+    subject = subject_of(robot, model, model, after[:5], after[5:], before)
+    predictive, errors = Predictive.of(selection, subject), errors_of(model, after[5:])
+    friction = [0.9 * SIZE_W * (np.sin(np.arange(len(each)) / 15.0) > 0.3) for each in errors]
+    blurred = [own + more for own, more in zip(errors, friction, strict=True)]
+    assert rms(predictive.without_load(errors)) < 0.7 * rms(predictive.without_load(blurred))
+    shared = [own + more - left for own, more, left in zip(
+        errors, friction, predictive.without_load(blurred), strict=True
+    )]  # fmt: skip
+    assert rms([own - on for own, on in zip(errors, shared, strict=True)]) > 2 * rms(predictive.without_load(errors))
+
+
 def test_a_reference_that_nothing_switches_in_has_no_such_load(model, robot):
     before = [recording(model, k, rows=500, seed=1) for k in range(5)]
     after = [recording(model, k, compressor, rows=500, seed=2, start_s=1e9 + 5000) for k in range(4)]

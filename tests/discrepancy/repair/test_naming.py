@@ -47,12 +47,13 @@ CERTAIN = found("coulomb_friction", {"torque": (0.9, 0.5)})
 )
 def test_an_effect_has_a_name_or_a_reason(effect, missing):
     judged = named_or_not(effect)
-    assert (judged.status, judged.missing) == (("hypothesis", missing) if missing else ("named", ""))
+    refused = "refused" if missing.startswith("a size") else "hypothesis"
+    assert (judged.status, judged.missing) == ((refused, missing) if missing else ("named", ""))
     rows = Improved(None, (judged,), []).hypotheses
     assert [row.missing for row in rows] == ([(missing,)] if missing else [])
 
 
-@pytest.mark.parametrize(("beyond", "status"), [(True, "hypothesis"), (False, "named")])
+@pytest.mark.parametrize(("beyond", "status"), [(True, "refused"), (False, "named")])
 def test_a_name_needs_evidence_at_speeds_that_the_reference_has(beyond, status, monkeypatch):
     for name, value in (("torque_scale", None), ("without", None), ("reported", CERTAIN)):
         monkeypatch.setattr(naming, name, lambda *_, value=value: value)
