@@ -109,7 +109,7 @@ def restore_command(
         print(
             f"{done.restored} rows restored; {done.conflicts} stay because another row with their key is stored, "
             f"{done.unusable} because they are no rows"
-            + (f", {done.refused} because the database refuses them" if done.refused else "")
+            + (f", {done.refused} because the database refuses them: {done.why_refused}" if done.refused else "")
         )
     if done.conflicts or done.unusable or done.refused:
         raise typer.Exit(1)

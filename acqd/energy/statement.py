@@ -16,6 +16,7 @@ from acqd.energy.read import devices, read_account, span_text
 from acqd.energy.tariff import Tariff
 from acqd.errors import InputError, UserError
 
+_QUARTER_S = 900
 _NAMED = 3
 """Devices in a message."""
 
@@ -75,10 +76,12 @@ def statement_of(
         begin, end = (
             datetime.fromtimestamp(each, zone).strftime("%Y-%m-%d %H:%M") for each in (chosen.begin, chosen.end)
         )
-        raise UserError(
-            f"no device has rows from {begin} to {end}, only {_stored(engine, zone)}: choose another period by --from "
-            "and --to, or --last"
-        )
+        running = Range(chosen.end, chosen.end + _QUARTER_S)  # the range ends before it, unless a person says more
+        remedy = "choose another period by --from and --to, or --last"
+        if any(_has_rows(engine, name, running) for name in devices(engine)):
+            after = datetime.fromtimestamp(running.end, zone)
+            remedy = f"--to {after:%Y-%m-%dT%H:%M} includes the quarter hour that follows"
+        raise UserError(f"no device has rows from {begin} to {end}, only {_stored(engine, zone)}: {remedy}")
     periods = [sum_of(together) for together in zip(*(account.periods for account in accounts), strict=True)]
     total = sum_of([account.total for account in accounts]) if len(accounts) > 1 else accounts[0].total
     if len(accounts) == 1:

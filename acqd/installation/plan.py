@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import pwd
 import re
+from contextlib import suppress
 from dataclasses import dataclass, field
 from importlib.resources import files
 from pathlib import Path
@@ -42,6 +45,7 @@ LOGINS = {"sink": SINK, "sidecar": SIDECAR, "web": VIEWER, "bridge": BRIDGE, "op
 CONFIGURATION = "/etc/acqd/acqd.toml"
 DEFAULT_SERVICES = ("daemon", "sink", "maintain")
 _DROP_INS = {"raw-network": "acqd-raw-network.conf", "serial": "acqd-serial.conf"}
+_USER = "acqd"
 _SYSUSERS = 'u acqd - "acqd power metering" /var/lib/acqd /usr/sbin/nologin\n'
 _TMPFILES = "d /etc/acqd 0750 root acqd -\nd /var/lib/acqd 0750 acqd acqd -\nd /var/cache/acqd 0750 acqd acqd -\n"
 _CREDENTIAL = "[Service]\nLoadCredential=mqtt.password:/etc/acqd/{user}.password\n"
@@ -170,9 +174,9 @@ def require_reachable(program: str) -> None:
     for file in (program, _interpreter(Path(program))):
         path = Path(file).resolve()
         hidden = next((name for name in _HIDDEN if str(path).startswith(f"{name}/")), None)
-        closed = next((one for one in (*reversed(path.parents), path) if not _open_to_all(one)), None)
+        closed = next((one for one in (*reversed(path.parents), path) if not _open_to_service(one)), None)
         if hidden or closed:
-            why = f"the units do not see {hidden}" if hidden else f"other users may not enter {closed}"
+            why = f"the units do not see {hidden}" if hidden else f"the user {_USER} may not enter {closed}"
             raise UserError(
                 f"{path}, which runs {program}: {why}; "
                 "make the environment with the Python of the system: /usr/bin/python3 -m venv /opt/acqd/.venv"
@@ -190,12 +194,26 @@ def _interpreter(program: Path) -> str:
     return found[1].decode(errors="replace") if found else str(program)
 
 
-def _open_to_all(path: Path) -> bool:
-    """Whether every user may enter the folder or run the file; True where nobody can tell."""
+def _open_to_service(path: Path) -> bool:
+    """Whether the user of the units may enter the folder or run the file; True where nobody can tell."""
     try:
-        return bool(path.stat().st_mode & 0o001)
+        status = path.stat()
+        user = pwd.getpwnam(_USER)
+        groups = os.getgrouplist(_USER, user.pw_gid)
+    except KeyError:  # the installation makes the user
+        user, groups = None, []
     except OSError:
         return True
+    allowed = status.st_mode & 0o001 or (status.st_mode & 0o010 and status.st_gid in groups)
+    owned = user is not None and status.st_uid == user.pw_uid and status.st_mode & 0o100
+    return bool(allowed or owned) or _has_list(path)
+
+
+def _has_list(path: Path) -> bool:
+    """Whether an access control list names further users, for instance this one."""
+    with suppress(OSError):
+        return "system.posix_acl_access" in os.listxattr(path)
+    return False
 
 
 def configuration(device: str, archive: str | None = None, *, users: bool) -> str:

@@ -8,7 +8,7 @@ from typing import Any
 import sqlalchemy as sa
 
 _SQLITE = {sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED, sqlite3.SQLITE_NOMEM, sqlite3.SQLITE_IOERR, sqlite3.SQLITE_FULL}
-_CLASSES = ("08", "25", "40", "53", "55", "57", "58")
+OUTAGES = ("08", "25", "40", "53", "55", "57", "58")
 """SQLSTATE: connection, read-only (a failover is under way), rollback, resources, locks, operator, system
 (PostgreSQL documentation, appendix A)."""
 _FOR_A_PERSON = ("pg_hba.conf", "authentication failed", "does not exist", "permission denied", "invalid ")
@@ -26,7 +26,7 @@ def is_outage(error: sa.exc.DBAPIError) -> bool:
     if not isinstance(error, sa.exc.OperationalError | sa.exc.InternalError):
         return False
     state = getattr(cause, "sqlstate", None)
-    return state.startswith(_CLASSES) if state else not _refused(cause)
+    return state.startswith(OUTAGES) if state else not _refused(cause)
 
 
 def _refused(cause: Any) -> bool:

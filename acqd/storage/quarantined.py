@@ -85,7 +85,9 @@ class Restored:
     unusable: int = 0
     """Messages that are no rows; they stay."""
     refused: int = 0
-    """Rows that a changed table refuses; they stay."""
+    """Rows that stay because the database refuses them, or to take them out."""
+    why_refused: str = ""
+    """What the database says of the first of them."""
 
 
 def count(engine: sa.Engine, which: Which) -> int:
@@ -106,7 +108,7 @@ def restore(engine: sa.Engine, which: Which, *, until_refused: bool = False) -> 
 
     With `until_refused`, the rest has to wait once the database refuses some.
     """
-    done, after, sieve = Restored(), 0, Sieve(partial(transaction, engine))
+    done, after, sieve = Restored(), 0, Sieve(partial(transaction, engine), alone=False)
     while True:
         with engine.connect() as connection:
             some = list(_entries(connection, which, after, _AT_ONCE))
@@ -163,9 +165,11 @@ def _restore(sieve: Sieve, found: Sequence[tuple[int, _Row | PowerEvent]], done:
 
     sifted = sieve.store(len(found), lambda k: (type(found[k][1]).__name__, found[k][1].device), insert, finish)
     done.conflicts += len(sifted.differing)
-    done.refused += len(sifted.refused)
-    if not sifted.unfinished:
-        done.restored += sifted.taken - len(sifted.differing)
+    stored = sifted.taken - len(sifted.differing)
+    done.restored += 0 if sifted.unfinished else stored
+    done.refused += len(sifted.refused) + (stored if sifted.unfinished else 0)  # entries that cannot be deleted
+    why = next((why.reason for why in sifted.refused.values()), sifted.unfinished)
+    done.why_refused = done.why_refused or why
 
 
 def _insert(connection: sa.Connection, found: Sequence[tuple[int, _Row | PowerEvent]]) -> set[int]:

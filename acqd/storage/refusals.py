@@ -6,6 +6,7 @@ again: of a recording that is played back, or of a daemon that trusts the broker
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Callable, Sequence
 from typing import TypeAlias
@@ -16,13 +17,19 @@ from acqd.storage import quarantining
 from acqd.storage.allowance import Allowance
 from acqd.storage.received import Message
 
+_log = logging.getLogger(__name__)
 REFUSED = "the database refuses it: "
 """How the reasons of such copies begin."""
 Waiting: TypeAlias = tuple[Message, str, str]
 """A message, its device, and why the database refuses it."""
 _SAID_S = 150.0
 """A daemon sends a row without a receipt again within a minute."""
+_FULL_S = 3_600.0
 _NAMED = 3
+_FULL = (
+    "The quarantine has taken its bytes of a day ([sink] quarantine_mb_per_day): of further ones there is no copy, and "
+    "those that nobody sends again are lost"
+)
 
 
 class Refusals:
@@ -32,6 +39,7 @@ class Refusals:
         """`bytes_per_day`: of copies that are kept."""
         self._allowance, self._now = Allowance(bytes_per_day), now
         self._said: dict[str, tuple[float, str]] = {}
+        self._full_until = -1e9
         self.copies = True
         """Whether copies may be in quarantine: unknown at the start."""
 
@@ -47,7 +55,7 @@ class Refusals:
         return (
             f"the database refuses rows of {names}: {said[devices[0]]}; they wait, others are stored: what was changed "
             "in its tables?"
-        )
+        ) + (f" {_FULL}" if now < self._full_until else "")
 
     def keep(self, connection: sa.Connection, waiting: Sequence[Waiting]) -> None:
         """Copies into quarantine, as far as the bytes of a day allow. Raises as `quarantining.insert`."""
@@ -55,6 +63,11 @@ class Refusals:
         copies = [(message, f"{REFUSED}{why}") for message, _, why in waiting[:fitting]]
         self._allowance.spend(quarantining.insert(connection, copies))
         self.copies = True
+        if fitting < len(waiting):
+            now = self._now()
+            if now >= self._full_until:
+                _log.error("refused rows: %s", _FULL)
+            self._full_until = now + _FULL_S
 
     def note(self, waiting: Sequence[Waiting]) -> None:
         """These wait now."""

@@ -33,8 +33,7 @@ no key is there for ON CONFLICT."""
 def insert(connection: sa.Connection, rows: list[PowerRow]) -> list[int]:
     """Insert what is new; positions in `rows` of those whose key is stored with other values.
 
-    Raises the errors of SQLAlchemy and, from COPY, of the driver; DatabaseAwayError where the database drops rows
-    without an error.
+    Raises the errors of SQLAlchemy; DatabaseAwayError where the database drops rows without an error.
     """
     differing = (_postgres if connection.dialect.name == "postgresql" else _sqlite)(connection, rows)
     return [k for k in differing if not _same(connection, rows[k])]
@@ -69,8 +68,9 @@ def _postgres(connection: sa.Connection, rows: list[PowerRow]) -> list[int]:
             if _copy(connection, "power", _QUOTED, values) == len(rows):
                 return []
             copied.rollback()  # a trigger drops rows, or puts them elsewhere: what it has put there must not stay
-    except connection.dialect.loaded_dbapi.errors.UniqueViolation:
-        pass
+    except sa.exc.DBAPIError as error:
+        if not isinstance(error.orig, connection.dialect.loaded_dbapi.errors.UniqueViolation):
+            raise
     connection.exec_driver_sql(
         "CREATE TEMP TABLE IF NOT EXISTS arriving (number integer, LIKE power) ON COMMIT DELETE ROWS;"
         "DELETE FROM arriving"  # rows of an earlier part of this transaction
@@ -95,11 +95,14 @@ def _differing(connection: sa.Connection) -> list[int]:
 def _copy(connection: sa.Connection, table: str, columns: str, values: Sequence[tuple[Any, ...]]) -> int:
     """How many rows the server says that it has taken."""
     cursor: Any = connection.connection.cursor()
-    with cursor:
-        with cursor.copy(f"COPY {table} ({columns}) FROM STDIN") as copy:
-            for row in values:
-                copy.write_row(row)
-        return int(cursor.rowcount)
+    try:
+        with cursor:
+            with cursor.copy(f"COPY {table} ({columns}) FROM STDIN") as copy:
+                for row in values:
+                    copy.write_row(row)
+            return int(cursor.rowcount)
+    except connection.dialect.loaded_dbapi.Error as error:  # SQLAlchemy does not see it
+        raise sa.exc.DBAPIError("COPY", None, error) from error
 
 
 def _values(row: PowerRow) -> tuple[Any, ...]:

@@ -19,6 +19,7 @@ import sqlalchemy as sa
 from acqd.errors import without_number
 from acqd.storage.away import LeftOutError
 from acqd.storage.numbered_rows import under_way
+from acqd.storage.outage import OUTAGES
 
 Piece: TypeAlias = Sequence[int]
 """Positions in a batch."""
@@ -30,8 +31,6 @@ _NO_TABLE_TAKES = ("22003", "22007", "22008", "22021", "22P05")
 """SQLSTATE: number or time out of range, characters that no column takes (PostgreSQL documentation, appendix A)."""
 _OF_VALUES = ("22", "23", "44", "P0")
 """SQLSTATE: data, integrity constraint, check option of a view, raised by a trigger."""
-_OF_TABLE = ("09", "0A", "21", "27", "2F", "38", "39", "42")
-"""SQLSTATE: functions of triggers, what they name, rights and policies."""
 _SQLITE_OF_VALUES = {sqlite3.SQLITE_CONSTRAINT, sqlite3.SQLITE_MISMATCH, sqlite3.SQLITE_TOOBIG, sqlite3.SQLITE_RANGE}
 _MOST_FAILURES, _MOST_AT_FIRST = 1_000, 64
 """Attempts of one batch that fail: half a second, and while it seems that the table takes no row at all. Rows that are
@@ -92,7 +91,9 @@ def refusal_of(error: Exception) -> Refusal | None:
         return Refusal(text, "any table")
     if state.startswith(_OF_VALUES):
         return Refusal(text, "values", state)
-    return Refusal(text, "table", state) if state.startswith(_OF_TABLE) else None
+    if not state or state.startswith(OUTAGES):
+        return None
+    return Refusal(text, "table", state)  # rights, policies, functions of triggers, codes that somebody has made up
 
 
 class Sieve:

@@ -12,10 +12,11 @@ from collections.abc import Callable
 import sqlalchemy as sa
 
 from acqd.errors import UserError
+from acqd.storage.away import DatabaseAwayError
 from acqd.storage.conversion import convert
 from acqd.storage.database import file_of, first_line
 from acqd.storage.maintain import Retention, maintain
-from acqd.storage.quarantined import Which, restore
+from acqd.storage.quarantined import Restored, Which, restore
 from acqd.storage.refusals import REFUSED, Refusals
 from acqd.storage.retention_doubt import doubt, last_run, note_run, rows_past
 from acqd.uptime import moment
@@ -121,15 +122,19 @@ class Upkeep:
         refusals, path = self._refusals, file_of(self._engine)
         if refusals is None or not refusals.copies or refusals.trouble or (path is not None and not path.exists()):
             return
-        refusals.copies = False
+        done: Restored | None = None
+        refusals.copies = False  # first, for the sink may keep one meanwhile
         try:
             done = restore(self._engine, Which(begins=REFUSED), until_refused=True)
-        except sa.exc.DBAPIError:  # away, which the sink says
-            refusals.copies = True
-            return
-        refusals.copies |= bool(done.refused)
+        except (sa.exc.DBAPIError, DatabaseAwayError):
+            return  # away, which the sink says
+        finally:
+            if done is None or done.refused:
+                refusals.copies = True
         if done.restored:
             _log.info("%d rows that the database had refused left the quarantine: they are stored", done.restored)
+        why = f"{done.why_refused}; copies wait in quarantine: mend the table, or `acqd sink quarantine drop` them"
+        self._say(_REFUSED, why if done.refused else "")
 
     def run_if_due(self, now: Callable[[], float] = time.time) -> bool:
         """Make roll-ups and delete what is old, if the last run is more than a day ago; whether that was done.

@@ -85,11 +85,7 @@ class Writer:
         """
         self.guard.open()
         self.witness.look()
-        found = sort(messages)
-        try:
-            return self._written(found)
-        except self._engine.dialect.loaded_dbapi.Error as error:  # from COPY, which SQLAlchemy does not see
-            raise sa.exc.DBAPIError("COPY", None, error) from error
+        return self._written(sort(messages))
 
     def _written(self, found: Sorted) -> Written:
         occurred, unusable = events.judged(found.events, self.witness)

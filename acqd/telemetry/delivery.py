@@ -69,7 +69,7 @@ class Delivery:
         self._clocks = ClockMatch()
         self._watch, self._acknowledgements = ReceiptWatch(self._flying, now), Acknowledgements()
         self._devices = spool.devices | set(devices)
-        self._more = False
+        self._more = self._again = False
         self._backlog_open = True
         self.sent = self.resent = self.delivered = 0
         """Rows published, those published again included; rows for which no receipt came in time; rows that the broker
@@ -306,7 +306,9 @@ class Delivery:
             return AHEAD
         if late := self._watch.overdue():
             self.resent += late
-            self._position = self.spool.start
+            self._again = True
+        if self._again and self._position == self.spool.end:  # no earlier: a database may refuse some rows for days
+            self._again, self._position = False, self.spool.start
         return self._watch.allowed()
 
     def _messages(self, rows: Sequence[SpooledRow]) -> list[Message]:
@@ -327,4 +329,5 @@ class Delivery:
 
     def _from_the_start(self) -> None:
         self._flying.clear()
+        self._again = False
         self._position = self.spool.start

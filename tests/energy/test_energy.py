@@ -12,6 +12,7 @@ import pytest
 import sqlalchemy as sa
 
 from acqd.energy.periods import Range, boundaries, label
+from acqd.energy.statement import statement_of
 from acqd.energy.stretches import Kind, nwh, stretches_of
 from acqd.errors import UserError
 from acqd.storage.buckets import Buckets
@@ -213,6 +214,19 @@ def test_a_wrong_question_is_one_line(rolled_up, words, said):
     to = () if "--last" in words else ("--to", "2026-10-31")
     result = acqd_here("energy", "--database", rolled_up / "acqd.sqlite", *common, *to, *words)
     assert said in refused(result)
+
+
+def test_rows_of_the_running_quarter_hour_alone_have_a_remedy(tmp_path):
+    """As in the first minutes of a new sink: ranges end with a quarter hour."""
+    engine = open_database(str(tmp_path / "a.sqlite"))
+    Writer(engine).write([message(row(0, channel="total", t=T0 + 1))])
+    utc = ZoneInfo("UTC")
+    for end, remedy in ((T0, ": --to 2023-11-14T22:30 includes"), (T0 - 900, "choose another period by --from")):
+        chosen, earlier = Range(end - 3600, end), Range(end - 7200, end - 3600)
+        with pytest.raises(UserError, match=remedy):
+            statement_of(engine, (), chosen, earlier, "day", utc, (), None)
+    chosen = Range(T0 - 3600, T0 + 900)
+    assert statement_of(engine, (), chosen, earlier, "day", utc, (), None).accounts
 
 
 def test_a_range_that_ends_before_it_begins_is_refused():

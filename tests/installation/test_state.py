@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pwd
 import time
 from pathlib import Path
 
@@ -63,8 +64,22 @@ def test_a_program_that_the_units_cannot_start_is_refused(monkeypatch, tmp_path)
         require_reachable("/usr/bin/env")
     monkeypatch.setattr(plan, "_HIDDEN", ())
     tmp_path.chmod(0o700)
-    with pytest.raises(UserError, match="other users may not enter /"):
+    with pytest.raises(UserError, match="the user acqd may not enter /"):
         require_reachable(str(script))
+
+
+@pytest.mark.parametrize(("mode", "opened"), [(0o755, True), (0o751, True), (0o750, True), (0o740, False)])
+def test_a_folder_that_is_open_to_the_group_of_the_service_alone_is_no_obstacle(monkeypatch, tmp_path, mode, opened):
+    group = tmp_path.stat().st_gid
+    user = pwd.struct_passwd(("acqd", "x", 54_321, 54_321, "", "/", "/"))
+    monkeypatch.setattr(plan.pwd, "getpwnam", lambda _: user)
+    monkeypatch.setattr(plan.os, "getgrouplist", lambda *_: [54_321, group])
+    tmp_path.chmod(mode)
+    assert plan._open_to_service(tmp_path) == opened
+    monkeypatch.setattr(plan.os, "getgrouplist", lambda *_: [54_321])
+    assert plan._open_to_service(tmp_path) == bool(mode & 1)
+    monkeypatch.setattr(plan.os, "listxattr", lambda _: ["system.posix_acl_access"])
+    assert plan._open_to_service(tmp_path), "an access control list may name the user"
 
 
 def test_without_systemd_nothing_is_changed(monkeypatch, tmp_path):

@@ -44,6 +44,7 @@ REFUSALS = {
     "check": ("postgres", f"ALTER TABLE power ADD CONSTRAINT d CHECK (device <> '{BAD}')"),
     "column": ("postgres", "ALTER TABLE power ALTER boot TYPE varchar(6)"),
     "trigger": ("postgres", postgres_trigger("RAISE EXCEPTION 'no site';")),
+    "trigger with a code of its own": ("postgres", postgres_trigger("RAISE 'no site' USING ERRCODE = 'U0001';")),
     "trigger drops": ("postgres", postgres_trigger("RETURN NULL;")),
     "part by trigger": ("postgres", postgres_trigger("INSERT INTO gone VALUES (NEW.*); RETURN NULL;")),
     "deferred": (
@@ -165,6 +166,33 @@ def test_rows_here_and_there_are_found_and_cost_no_second_transaction(tmp_path, 
     monkeypatch.setattr(sifting, "_MOST_FAILURES", 100)  # rows that are not tried wait, too
     written = writer.write([message(row(k, P=9001.0 if k % 7 == 0 else 1.0)) for k in range(600, 800)])
     assert 0 < written.rows < 171 and receipted(written)["cell1"] == written.rows == 200 - written.waiting
+
+
+def test_that_there_are_no_further_copies_is_said_once(tmp_path, caplog):
+    engine = open_database(str(tmp_path / "a.sqlite"))
+    writer = Writer(engine, malformed_bytes_per_day=2_000)
+    with engine.begin() as connection:
+        connection.exec_driver_sql(f"{TRIGGER.format('power_row')} BEGIN SELECT RAISE(ABORT, 'no site'); END")
+    writer.write([message(row(0))])
+    assert "no copy" not in writer.refusals.trouble
+    for seq in range(1, 9, 4):
+        writer.write([message(row(k)) for k in range(seq, seq + 4)])
+    assert 1 < count(engine, quarantine) < 9 and caplog.text.count("of further ones there is no copy") == 1
+    assert "those that nobody sends again are lost" in writer.refusals.trouble
+
+
+def test_copies_that_cannot_leave_the_quarantine_are_not_restored(tmp_path):
+    engine = open_database(str(tmp_path / "a.sqlite"))
+    with engine.begin() as connection:
+        connection.exec_driver_sql(f"{TRIGGER.format('power_row')} BEGIN SELECT RAISE(ABORT, 'no site'); END")
+    Writer(engine).write([message(row(0))])
+    with engine.begin() as connection:
+        connection.exec_driver_sql("DROP TRIGGER d")
+        connection.exec_driver_sql(
+            "CREATE TRIGGER d BEFORE DELETE ON quarantine BEGIN SELECT RAISE(ABORT, 'stay'); END"
+        )
+    done = restore(engine, Which())
+    assert (done.restored, done.refused, done.why_refused) == (0, 1, "stay") and count(engine) == 1
 
 
 def test_a_right_that_was_taken_is_the_tables_and_no_row_is_set_apart(postgres):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 
 import pytest
@@ -10,6 +11,7 @@ import sqlalchemy as sa
 from acqd.cli.sink import _costs
 from acqd.daemon.config import Config
 from acqd.daemon.energy_section import EnergySection
+from acqd.daemon.health.runbook import entry_for
 from acqd.errors import UserError
 from acqd.storage import conversion, upkeep
 from acqd.storage.database import open_database, transaction
@@ -18,6 +20,7 @@ from acqd.storage.retention_doubt import last_run
 from acqd.storage.schema import power_1min, power_15min, quarantine
 from acqd.storage.upkeep import Upkeep
 from acqd.storage.writer import Writer
+from acqd.telemetry.row import CHANNELS
 from tests.storage.rows import count, message, row
 from tests.storage.test_numbered_rows import earlier  # noqa: F401 - a fixture
 from tests.waiting import wait_for
@@ -73,6 +76,45 @@ def test_copies_of_refused_rows_come_back_when_the_table_takes_them(tmp_path):
         connection.exec_driver_sql("DROP TRIGGER d")
     thread._restore_refused()
     assert count(engine) == 3 and not count(engine, quarantine) and not writer.refusals.copies and not thread.trouble
+
+
+REFUSED_WHOLLY = (
+    (
+        "sqlite",
+        "CREATE TRIGGER d BEFORE INSERT ON power_row WHEN NEW.id & 3 = {} BEGIN SELECT RAISE(IGNORE); END",
+        "DROP TRIGGER d",
+    ),
+    (
+        "postgres",
+        "CREATE FUNCTION d() RETURNS trigger LANGUAGE plpgsql AS $$ BEGIN IF NEW.channel = 'L2' THEN RAISE 'no right' "
+        "USING ERRCODE = '42501'; END IF; RETURN NEW; END $$; "
+        "CREATE TRIGGER d BEFORE INSERT ON power FOR EACH ROW EXECUTE FUNCTION d()",
+        "DROP FUNCTION d CASCADE",
+    ),
+)
+
+
+@pytest.mark.parametrize(
+    ("database", "begin", "end"), REFUSED_WHOLLY, indirect=["database"], ids=["sqlite", "postgres"]
+)
+def test_copies_that_the_table_may_refuse_as_a_whole_are_named_and_tried_again(database, begin, end, caplog):
+    """Nobody sends these rows again, so nothing else would say that they wait."""
+    engine = open_database(database)
+    writer = Writer(engine)
+    with engine.begin() as connection:
+        connection.exec_driver_sql(begin.format(CHANNELS.index("L2")))
+    assert writer.write([message(row(0)), message(row(0, channel="L2"))]).waiting == 1
+    writer.refusals._said.clear()  # none was refused lately
+    thread = Upkeep(engine, Retention(0, 0, 0), refusals=writer.refusals)
+    for _ in range(2):
+        thread._try(upkeep._REFUSED, thread._restore_refused)
+        assert re.search(r"refused rows: .*(no right|leaves out).* copies wait in quarantine", thread.trouble)
+    entry = entry_for(f"costs: x; {thread.trouble}")
+    assert entry is not None and entry.anchor == "rows-refused" and "error of acqd" not in caplog.text
+    with engine.begin() as connection:
+        connection.exec_driver_sql(end)
+    thread._try(upkeep._REFUSED, thread._restore_refused)
+    assert count(engine) == 2 and not count(engine, quarantine) and not thread.trouble
 
 
 def test_the_thread_moves_the_rows_of_an_earlier_acqd(earlier, tmp_path, monkeypatch):  # noqa: F811

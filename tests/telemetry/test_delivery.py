@@ -10,7 +10,9 @@ from hypothesis import strategies as st
 
 from acqd.telemetry.delivery import Delivery
 from acqd.telemetry.message import Room
+from acqd.telemetry.patience import LEAST_S, LONGEST_S
 from acqd.telemetry.ranges import Ranges
+from acqd.telemetry.receipt_watch import AHEAD
 from acqd.telemetry.receipts import receipts
 from acqd.telemetry.spool import Spool, SpooledRow, Stream
 from acqd.telemetry.topics import OFFLINE, sink_status
@@ -465,3 +467,24 @@ def test_a_way_that_is_slower_than_usual_is_not_filled_with_rows_that_are_alread
             for pair in arrived:
                 bench.receipt(*pair)
     assert len(bench.box) < 50, "thousands where rows are sent again every 5 s"
+
+
+def test_rows_that_never_get_a_receipt_do_not_hold_up_the_backlog_behind_them():
+    """A table that refuses one stream (ADR 90)."""
+    bench, refused = Bench(), STREAM._replace(channel="refused")
+    for seq in range(AHEAD + 10):
+        bench.box.put_rows([SpooledRow(refused, seq, b"-1")])
+    bench.make(20)
+    bench.box.begin()
+    bench.sink()
+    taken = []
+    for _ in range(3):
+        taken += bench.take_all()
+        bench.now += LEAST_S + 1
+    assert {*range(20)} <= {*taken}
+    bench.receipt(0, 19)
+    taken = []
+    for _ in range(3):
+        taken += bench.take_all()
+        bench.now += LONGEST_S + 1
+    assert taken.count(-1) >= AHEAD + 10, "and all others are sent again"

@@ -192,10 +192,11 @@ RUNBOOK = (
     ),
     _entry(
         "rows-refused",
-        "`the database refuses rows of ...`",
+        "`the database refuses rows of ...`, `refused rows: ...`",
         "the sentence is the database's: a constraint, trigger, column or partition that acqd has not made. Rows wait "
-        "with their daemons and come by themselves; copies in quarantine leave it within a minute then",
-        r"^the database refuses rows",
+        "with their daemons and come by themselves; copies in quarantine leave it within a minute then. There are "
+        "copies until `quarantine_mb_per_day` is used; rows beyond it that nobody sends again are lost",
+        r"^the database refuses rows|^(.*; )?refused rows: ",
     ),
     _entry(
         "quarantine",
