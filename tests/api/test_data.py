@@ -9,6 +9,7 @@ import pyarrow.parquet
 import pytest
 
 import acqd
+from acqd.extras import install_command
 from acqd.models.segments import load_dataset
 
 
@@ -170,4 +171,5 @@ except acqd.UserError as error:
     print(error)
 """
     done = subprocess.run([sys.executable, "-P", "-c", code], capture_output=True, text=True, check=False)
-    assert done.stdout.splitlines() == ["5", "read_rows of a file needs pyarrow: pip install 'acqd[rows]'"], done.stderr
+    asked = f"read_rows of a file needs pyarrow: {install_command('rows')}"
+    assert done.stdout.splitlines() == ["5", asked], done.stderr

@@ -355,7 +355,7 @@ def sorted_by_keyboard(page):
     page.keyboard.press("Enter")
     assert page.locator("tbody th").all_inner_texts() == ["cell-2", "cell-1", "cell-3", "cell-4"]
     page.fill("input[type=search]", "viscous")
-    assert page.locator("tbody tr:visible").count() == 1 and "1 rows" in page.inner_text("label.filter")
+    assert page.locator("tbody tr:visible").count() == 1 and "1 row" in page.inner_text("label.filter")
 
 
 @pytest.mark.browser

@@ -106,7 +106,7 @@ def _with_effects(state: State, effects: tuple[Selected, ...]) -> State:
 
 
 def _with_usual(state: State, step: Step) -> State:
-    """With random effects of every log in question, of the size that unchanged sessions differ by (ADR 26).
+    """With random effects of every log in question, of the size that unchanged sessions differ by (ADR 82).
 
     A clock that drifts in every session explains much and says nothing: effects are judged beside that.
     """

@@ -29,14 +29,19 @@ _ADVICE = "save as .csv in the oscilloscope"
 def is_tektronix(path: Path) -> bool:
     """Whether a .wfm begins like one of these."""
     with path.open("rb") as file:
-        head = file.read(10)
-    return head[:2] in _ORDERS and head[2:] in _VERSIONS
+        return _known(file.read(10))
+
+
+def _known(head: bytes) -> bool:
+    return head[:2] in _ORDERS and head[2:10] in _VERSIONS
 
 
 def read(path: Path) -> list[Trace]:
     """The trace. Raises InputError."""
     with path.open("rb") as file:
         head = file.read(1024)
+    if not _known(head):  # the file of another channel decided how these are read
+        raise InputError(path, f"does not begin as a Tektronix waveform; {_ADVICE}")
     order, (explicit, density) = _ORDERS[head[:2]], _VERSIONS[head[2:10]]
     implicit = explicit + 2 * (_EXPLICIT + _VIEW + density)
     curve = implicit + 2 * (_IMPLICIT + _VIEW + density) + _TIMEBASES + _UPDATE

@@ -75,6 +75,13 @@ def test_what_cannot_be_metered_is_refused_in_one_line(tmp_path, name, content, 
         load_waveform(tmp_path / name)
 
 
+def test_the_file_of_another_channel_may_be_damaged(tmp_path):
+    (tmp_path / "tek0001CH1.wfm").write_bytes(tektronix_wfm(U, "V"))
+    (tmp_path / "tek0001CH2.wfm").write_bytes(tektronix_wfm(I, "A", channel=2)[1:])
+    with pytest.raises(InputError, match=r"CH2\.wfm: does not begin as a Tektronix waveform"):
+        load_waveform(tmp_path / "tek0001CH1.wfm")
+
+
 def test_the_readers_agree_with_an_independent_one(tmp_path):
     from RigolWFM.wfm import Wfm
 
