@@ -66,7 +66,7 @@ def without_number(error: object) -> str:
 
 
 def no_folder(path: Path) -> str:
-    """What is wrong where a folder was expected and there is none."""
+    """What is wrong where a folder was expected, and is not there."""
     return "is a file, not a folder" if path.exists() else "no such folder"
 
 

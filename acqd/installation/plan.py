@@ -184,7 +184,7 @@ def require_reachable(program: str) -> None:
 
 
 def _interpreter(program: Path) -> str:
-    """Of a script, as its first line names it; the program itself where it is none."""
+    """Of a script, as its first line names it; the program itself, unless that is a script."""
     try:
         with program.open("rb") as file:
             first = file.readline(1000)

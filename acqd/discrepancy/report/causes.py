@@ -36,14 +36,18 @@ def leading(closed: Closed) -> Reported | None:
     return None if first is None or first.status == "refused" else first
 
 
-def sentence(belief: Belief) -> str:
-    """The set, the likeliest first."""
+def sentence(belief: Belief, *, by_confidence: bool = False) -> str:
+    """The set, the likeliest first. Only the calibrated set is counted in simulated cases."""
     members = [f"{name_of(label)} ({percent(belief.probabilities[label])})" for label in belief.members]
+    if by_confidence and len(members) == 1:
+        return f"the largest cause: {members[0]}"
+    share = percent(1 - MISSED)
+    sure = f"with {share} confidence" if by_confidence else f"in {share} of simulated cases"
     if len(members) == 1:
-        return f"the largest cause, right in {percent(1 - MISSED)} of simulated cases: {members[0]}"
+        return f"the largest cause, right {sure}: {members[0]}"
     more = len(members) - _SHOWN
     listed = ", ".join(members[:_SHOWN]) + (f" and {more} more" if more > 0 else "")
-    return f"the largest cause is one of these in {percent(1 - MISSED)} of simulated cases: {listed}"
+    return f"the largest cause is one of these {sure}: {listed}"
 
 
 def as_json(closed: Closed) -> dict[str, Any] | None:
@@ -51,13 +55,14 @@ def as_json(closed: Closed) -> dict[str, Any] | None:
     belief, standing = believed(closed), closed.selection.standing
     if belief is None or standing is None:
         return None
+    lead = leading(closed) is not None
     return {
         "set": list(belief.members),
         "holds": 1 - MISSED,
-        "text": sentence(belief),
+        "text": sentence(belief, by_confidence=lead),
         "probabilities": {label: share for label, share in belief.probabilities.items() if share >= LEAST},
         "calibrated_on": shipped().source,
-        "follows": "standing" if leading(closed) is None else "confidence",
+        "follows": "confidence" if lead else "standing",
         "scores": standing.as_json(),
     }
 

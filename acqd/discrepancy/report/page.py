@@ -68,8 +68,9 @@ def _causes(page: Page, closed: Closed) -> None:
     if belief is None:
         return
     page.heading("What may be the cause")
-    page.text(_sentence(causes.sentence(belief)))
-    if causes.leading(closed) is not None:
+    lead = causes.leading(closed) is not None
+    page.text(_sentence(causes.sentence(belief, by_confidence=lead)))
+    if lead:
         page.text("Probabilities are the confidence in the effect that was selected first, and in its rivals.")
         return
     cases = shipped().source.partition(" (")[0]  # without the names of the plants

@@ -109,54 +109,35 @@ class Step:
         cls, state: State, rows: Rows, gate: Gate, best: list[Finding], fits: dict[str, ShapeFit],
         scanned: dict[str, Finding], detections: dict[str, Detection],
     ) -> Step:  # fmt: skip
-        def judge(finding: Finding, more: list[Finding]) -> Hypothesis:
-            fit = fits.get(finding.candidate.id)
-            where = state.gates[0] if finding.candidate.detected else gate
-            detection = detections.get(finding.candidate.key)
-            seen = rows if fit is None else fit.rows
+        def judge(finding: Finding) -> Hypothesis:
+            fit, where = fits.get(finding.candidate.id), state.gates[0] if finding.candidate.detected else gate
             return judged(
-                seen,
-                where.open,
-                finding,
-                [*state.known, *more],
-                state.kinds,
-                scanned.get(finding.candidate.id),
-                detection,
-            )
+                rows if fit is None else fit.rows, where.open, finding, state.known, state.kinds,
+                scanned.get(finding.candidate.id), detections.get(finding.candidate.key),
+            )  # fmt: skip
 
         shown = [each for each in best[:_TABLE] if each.evidence > 0]
         first = _first_name(best)
-        leader = None if first is None else judge(first, [])
-        law = next((judge(each, []) for each in best if not each.candidate.id), None)
+        leader = None if first is None else judge(first)
+        law = next((judge(each) for each in best if not each.candidate.id), None)
         beyond = max(min(each.finding.evidence, each.beyond_sessions) for each in (leader, law) if each is not None)
         law = None if law is None or law.finding.evidence <= law.margin else law
-        outdone = leader is None
-        if law is not None and leader is not None and first is not None:
+        outdone = False
+        if law is not None and first is not None:
             fit = fits[first.candidate.id]
             least = margin(fit.rows, gate.open, law.finding, [*state.known, first], state.kinds)
             outdone = law.finding.evidence > first.evidence + least
-        table = led_by(tuple(judge(each, []) for each in shown), first)
+        blocked = leader is None or bool(leader.missing)
         usual = None
-        if law is not None and law.missing == (USUAL,) and (outdone or (leader is not None and leader.missing)):
+        if law is not None and law.missing == (USUAL,) and (outdone or blocked):
             usual = law
         elif leader is not None and leader.missing == (USUAL,):
             usual = replace(leader, finding=scanned.get(leader.id, leader.finding))
-        leader = None if leader is None or leader.missing else leader
         law = None if law is None or law.missing else law
         return cls(
-            state,
-            rows,
-            gate,
-            table,
-            fits,
-            detections,
-            leader,
-            usual,
-            law,
-            outdone and law is not None,
-            tuple(best),
-            beyond,
-        )
+            state, rows, gate, led_by(tuple(map(judge, shown)), first), fits, detections, None if blocked else leader,
+            usual, law, outdone and law is not None, tuple(best), beyond,
+        )  # fmt: skip
 
     def standing(self) -> Standing:
         """Of every kind of hypothesis; of the laws, the best."""

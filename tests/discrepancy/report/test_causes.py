@@ -52,6 +52,7 @@ def test_a_selected_effect_is_as_probable_as_the_report_says_above():
 
 def test_words():
     alone = Belief({"payload": 0.97, NOTHING: 0.03}, ("payload",))
+    assert causes.sentence(alone, by_confidence=True) == "the largest cause: payload (97 %)"
     assert causes.sentence(alone) == "the largest cause, right in 95 % of simulated cases: payload (97 %)"
     many = Belief({OUTSIDE: 0.4, NOTHING: 0.3} | dict.fromkeys(list(library())[:5], 0.06), ("x",))
     many = Belief(many.probabilities, tuple(many.probabilities))
