@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from acqd.errors import InputError
-from acqd.sources.arrays.contents import Contents, recording_of
+from acqd.sources.arrays.channels import recording_of
+from acqd.sources.arrays.contents import Contents
 from acqd.sources.recording.channel import Channel, Column, Recording
 from acqd.sources.waveform import LATEST_NS, MOST_BYTES, QUANTITIES, ChannelMap
 

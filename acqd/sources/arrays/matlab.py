@@ -11,7 +11,8 @@ import numpy as np
 from acqd.errors import InputError
 from acqd.extras import require
 from acqd.sources.arrays import hdf5
-from acqd.sources.arrays.contents import Contents, check_size, damaged, recording_of, scalar
+from acqd.sources.arrays.channels import recording_of
+from acqd.sources.arrays.contents import Contents, check_size, damaged, scalar
 from acqd.sources.recording.channel import Recording
 from acqd.sources.waveform import ChannelMap
 
