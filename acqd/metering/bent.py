@@ -47,5 +47,5 @@ class Bent:
 
     def restore(self, state: State) -> None:
         """Go on where `state` was taken."""
-        self._usual, self._known = state["usual"], state["known"]
-        self._usual_growth = state.get("usual_growth", _FIRST)  # the state of an earlier acqd has no such key
+        if "usual_growth" in state:  # else of an earlier acqd, whose usual bend was in rad
+            self._usual, self._usual_growth, self._known = state["usual"], state["usual_growth"], state["known"]

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from acqd.metering import Meter, SampleBlock, StreamFormat, WindowBatch
+from acqd.metering.bent import Bent
 from acqd.metering.correction import ChannelErrors, Correction
 from acqd.metering.joined import joined
 from acqd.metering.kernel import why_not
@@ -121,3 +122,15 @@ def test_what_is_no_state_is_refused():
         Meter(FORM).restore({"stream": {}})
     with pytest.raises(ValueError, match="shorter"):
         Stages(FORM, [lambda f: Correction(f, ChannelErrors((1.0,) * 6, (0.0,) * 6, (0.0,) * 6))]).restore([])
+
+
+def test_the_usual_bend_of_an_earlier_acqd_was_in_radians_and_is_not_taken_for_hertz():
+    seen = Bent()
+    for _ in range(30):
+        seen.note(0.004, 0.003)
+    again = Bent()
+    again.restore(seen.state())
+    assert again.state() == seen.state()
+    again = Bent()
+    again.restore({"usual": 3e-4, "known": 25})
+    assert again.state() == Bent().state()
