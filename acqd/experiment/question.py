@@ -118,9 +118,9 @@ def recorded(question: Question, progress: Progress) -> Setup:
 
 
 def opened(
-    question: Question, so_far: Setup, planned: list[Segment], age_s: float, asked: tuple[str, ...], progress: Progress
+    question: Question, so_far: Setup, planned: list[Segment], asked: tuple[str, ...], progress: Progress
 ) -> Open:
-    """The design of all recordings, with planned pieces `age_s` after the start of their session.
+    """The design of all recordings, with planned pieces of motion.
 
     What is believed, and how far rows can be trusted, follows from the recordings that exist; the pieces only add
     columns. `asked`: ids of the causes to compare; empty: those that the loop cannot yet choose between. Raises
@@ -129,7 +129,6 @@ def opened(
     subject = question.subject
     begins = begins_of([*subject.fit, *subject.held_out])
     known = with_sessions(so_far)
-    begins |= {segment.session: segment.start_s - age_s for segment in planned}
     whole = _set_up(subject, [*subject.fit, *planned], begins, progress, "computing the columns of pieces of motion")
     rows = _trusted_as(known, _with_design(whole, so_far.design))
     names = [part.recording.removeprefix(PLANNED) for part in rows.design.parts[len(known.design.parts) :]]

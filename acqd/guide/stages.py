@@ -143,7 +143,8 @@ def _answer(found: Found, work: _Work) -> Stage:
     if program is None:
         return Stage(name, "now", f"{says}; let acqd design the motion that decides", (f"acqd next {report}",))
     again = f"acqd close-loop {_path(work.asked.path)} --model {_path(Path(work.loop.model))} --with ds2"
-    build = "acqd dataset build --power acqd.sqlite --logs logs --robot ROBOT --out ds2"
+    worked = f" --worked {program.worked_min:g}" if program.worked_min else ""
+    build = f"acqd dataset build --power acqd.sqlite --logs logs --robot ROBOT --out ds2{worked}"
     do = f"check and run the program of {program.minutes:.1f} min in {_path(program.path)}, and close the loop again"
     return Stage(name, "now", f"{says}; {do}", (build, again))
 
