@@ -64,7 +64,7 @@ class Open:
     so_far: Floats
     """[blocks] 1 for recordings that exist."""
     pieces: dict[str, Floats]
-    """Name of a piece -> [blocks] 1 for its blocks."""
+    """Name of a piece -> [blocks] share of its blocks that the loop fits to: the others are held out."""
     contest: Contest
 
     def moments_of(self, weights: Floats) -> Moments:
@@ -133,8 +133,9 @@ def opened(
     rows = _trusted_as(known, _with_design(whole, so_far.design))
     names = [part.recording.removeprefix(PLANNED) for part in rows.design.parts[len(known.design.parts) :]]
     exists: Floats = np.concatenate([np.ones(len(known.design.parts)), np.zeros(len(names))])
+    fitted = 1 - 1 / THRESHOLDS.held_out_every
     pieces = {
-        name: np.concatenate([np.zeros(len(known.design.parts)), [other == name for other in names]])
+        name: np.concatenate([np.zeros(len(known.design.parts)), [fitted * (other == name) for other in names]])
         for name in dict.fromkeys(names)
     }
     named = tuple(each for each in question.named if each[0] not in asked)
