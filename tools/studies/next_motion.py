@@ -91,7 +91,8 @@ class Circle:
         if not design.exists():
             acqd_json("next", now["folder"], "--limit-speed", "100", "--out", design)
         promised = json.loads((design / "next.json").read_bytes())
-        worked = () if promised["begins"] == "cold" else ("--worked", str(promised["worked_min"]))
+        work_min = promised.get("worked_min")
+        worked = ("--worked", str(work_min)) if work_min else ()
         executed = self.out / f"{name}.executed"
         if not executed.exists():
             robot = ("--robot", self.robot, "--seed", str(self.seed), "--effect", cause, *worked)

@@ -91,7 +91,8 @@ def _run(circle: Circle, plant: tuple[str, ...], undeclared: list[str], minutes:
         return found | {"designed": designed}
     effects = [word.replace("--undeclared", "--effect") for word in hidden]
     executed = out / "executed"
-    worked = () if designed["begins"] == "cold" else ("--worked", designed["worked_min"])
+    work_min = designed.get("worked_min")  # a program of an earlier acqd does not ask for any
+    worked = ("--worked", work_min) if work_min else ()
     robot = ("--robot", circle.robot, *plant, *effects, *worked)
     steps.run(Step.of(executed / "report.html", "lab", "execute", design / "motion.csv", "--out", executed, *robot))
     files = executed / "rows.jsonl", executed / "motion.csv"
