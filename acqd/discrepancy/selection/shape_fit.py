@@ -52,10 +52,11 @@ class _Columns:
         ]
 
     def _rows(self, scene: Scene, shape: Shape, coefficients: Floats | None) -> Floats:
-        mix = np.eye(len(self.place.columns)) if self.place.mix is None else self.place.mix
+        chosen = list(self.place.columns)
+        mix = np.eye(len(chosen)) if self.place.mix is None else self.place.mix
         if coefficients is None:
-            return np.asarray(effect_rows(self.effect, scene, shape)[:, list(self.place.columns)] @ mix)
-        return np.asarray(effect_rows_at(self.effect, scene, shape, self.place.columns, mix @ coefficients) @ mix)
+            return np.asarray(effect_rows(self.effect, scene, shape, chosen) @ mix)
+        return np.asarray(effect_rows_at(self.effect, scene, shape, chosen, mix @ coefficients) @ mix)
 
 
 def fit_shape(rows: Rows, gate: Floats, finding: Finding, detection: Detection | None) -> ShapeFit:
