@@ -193,9 +193,11 @@ def residuals_of(design: Design, regression: Regression, omit: str = "") -> list
     for number, part in enumerate(design.parts):
         first, last = inside.get(part.segment, (part.rows.start, part.rows.stop))
         inside[part.segment] = min(first, part.rows.start), max(last, part.rows.stop)
-        values = design.values(part.segment, regression.indices, part.rows)
+        acting = beta * regression.gates[:, number]
+        open_ = np.flatnonzero(acting)  # a random intercept is open in one block only
+        values = design.values(part.segment, regression.indices[open_], part.rows)
         measured = design.columns.residual[part.segment][part.rows]
-        residuals[part.segment][part.rows] = measured - values @ (beta * regression.gates[:, number])
+        residuals[part.segment][part.rows] = measured - values @ acting[open_]
     for segment, (first, last) in inside.items():  # rows of unknown motion take the residual of their neighbours
         residuals[segment][:first] = residuals[segment][first]
         residuals[segment][last:] = residuals[segment][last - 1]
