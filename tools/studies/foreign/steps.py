@@ -25,7 +25,7 @@ class Steps(Protocol):
 
     def build(
         self, power: Path, logs: Path, robot: Path, out: Path, *, lag_s: float | None, cut_s: float | None,
-        worked_min: float,
+        worked_min: float = 0.0,
     ) -> None:  # fmt: skip
         """A dataset of power rows and logs, with options of `acqd dataset build`."""
 
@@ -42,7 +42,7 @@ class InThisProcess:
 
     def build(
         self, power: Path, logs: Path, robot: Path, out: Path, *, lag_s: float | None, cut_s: float | None,
-        worked_min: float,
+        worked_min: float = 0.0,
     ) -> None:  # fmt: skip
         """As `acqd dataset build`."""
         from acqd.dataset.build import build
@@ -96,7 +96,7 @@ class Commands:
 
     def build(
         self, power: Path, logs: Path, robot: Path, out: Path, *, lag_s: float | None, cut_s: float | None,
-        worked_min: float,
+        worked_min: float = 0.0,
     ) -> None:  # fmt: skip
         """`acqd dataset build`."""
         known = [*([] if lag_s is None else ["--lag", lag_s]), *([] if cut_s is None else ["--cut", cut_s])]
