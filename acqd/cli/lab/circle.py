@@ -44,8 +44,8 @@ class Circle:
         """
         self.steps.run(*(self._campaign(name, words) for name, words in (("before", before), ("after", after))))
         sources = {name: (self.out / name / "power.sqlite", self.out / name / "logs") for name in ("before", "after")}
-        words = {"before": worked, "after": ()}
-        self.steps.run(*(self.dataset(f"{name}.ds", *files, *words[name]) for name, files in sources.items()))
+        since: dict[str, tuple[object, ...]] = {"before": worked, "after": ()}
+        self.steps.run(*(self.dataset(f"{name}.ds", *files, *since[name]) for name, files in sources.items()))
         self.steps.run(Step.of(self.model, "train", self.out / "before.ds", "--network", "grey-box"))
         words = ("close-loop", self.out / "after.ds", "--model", self.model)
         self.steps.run(Step.of(self.loop / "report.json", *words))
