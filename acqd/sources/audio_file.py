@@ -15,6 +15,8 @@ from acqd.sources.recording.channel import Channel, Column, Recording
 from acqd.sources.waveform import MOST_BYTES, QUANTITIES, ChannelMap
 
 _FULL_SCALE = 32768
+_BEYOND = 2.0
+"""Times full scale that a recording of floating-point numbers may reach."""
 _LOOK = 8_192
 """Samples whose strongest line shows the order of the channels."""
 _NEAR_deg = 10.0
@@ -47,6 +49,10 @@ def load(path: Path, given: ChannelMap) -> Recording:
         raise InputError(path, f"has {count} channels; say which are which with --map u1=0,i1=1 ...")
     if given.columns is None:
         _refuse_other_order(path, values)
+    if not exact and (largest := float(np.abs(values).max())) > _BEYOND:
+        notes.append(
+            f"its samples reach {largest:.4g} times full scale: are they V and A? Then --u-scale 1 --i-scale 1"
+        )
     names = [*QUANTITIES[:count], *(f"channel {k}" for k in range(6, count))] if given.columns is None else [""] * count
     channels = [Channel(name) for name in names]
 

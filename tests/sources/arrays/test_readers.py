@@ -90,7 +90,7 @@ def mat(tmp_path, **variables):
         ({"u1": U, "i1": I}, "--rate"),
         ({"u1": U, "i1": I, "fs": 1e4, "dt": 2e-4}, "several sampling rates"),
         ({"fs": 1e4, "n": 3}, "no arrays of samples"),
-        ({"time": np.where(T > 0.1, T + 0.01, T), "u1": U, "i1": I}, "equidistant"),
+        ({"time": np.where(np.arange(len(T)) % 20 > 9, T + 0.01, T), "u1": U, "i1": I}, "equidistant"),
         ({"time": T, "u1_pu": U / 325, "i1": I}, "i1 but no u1"),
         ({"t": 738_000 + T / 86_400, "u1": U, "i1": I}, "are its times in ms, us or days"),
         ({"time": T, "u1": U > 0, "i1": I}, "i1 but no u1"),
@@ -100,6 +100,16 @@ def mat(tmp_path, **variables):
 def test_what_does_not_say_enough_is_refused(tmp_path, variables, complaint):
     with pytest.raises(InputError, match=complaint):
         load_waveform(mat(tmp_path, **variables))
+
+
+def test_times_that_pause_are_a_gap(tmp_path):
+    waveform = load_waveform(mat(tmp_path, time=np.where(T > 0.1, T + 0.01, T), u1=U, i1=I))
+    assert waveform.breaks == ((int((T <= 0.1).sum()), round(0.01 / (T[1] - T[0]))),)
+
+
+def test_a_scale_beside_the_samples_of_a_struct_is_named(tmp_path):
+    waveform = load_waveform(mat(tmp_path, time=T, u1={"data": U, "scale": 0.05, "unit": "V"}, i1=I))
+    assert any("u1 has a field scale, which is not applied" in note for note in waveform.notes)
 
 
 def test_numbers_that_contradict_the_times_are_noted_and_codes_without_a_scale_refused(tmp_path):
