@@ -257,3 +257,16 @@ def test_stamps_that_leave_rows_out_are_not_overruled_by_a_rate_above_them(tmp_p
     rows = [f"{stamp},{row.partition(',')[2]}" for stamp, row in zip(stamps, PLAIN, strict=True)]
     loaded = load_waveform(written(tmp_path, ["Sample rate,4000", "time,u1 [V],i1 [A]"], rows))
     assert sum(lost for _, lost in loaded.breaks) * (T[1] - T[0]) == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize("tail", ["0.249750,12", "0.249750,", "\0" * 300])
+def test_a_row_that_nobody_ended_is_left_out(tmp_path, tail):
+    path = written(tmp_path, ["time,u1 [V],i1 [A]"], PLAIN[:-1])
+    path.write_text(path.read_text().rstrip("\n") + "\n" + tail)
+    loaded = load_waveform(path)
+    assert len(loaded.codes) == len(PLAIN) - 1 and "its last row is cut off: left out" in loaded.notes
+
+
+def test_clocks_of_microcontrollers_are_times(tmp_path):
+    rows = [f"{round(t * 1e6)},{row.partition(',')[2]}" for t, row in zip(T, PLAIN, strict=True)]
+    assert load_waveform(written(tmp_path, ["micros,u1 [V],i1 [A]"], rows)).form.rate == pytest.approx(4_000)
