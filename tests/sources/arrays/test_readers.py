@@ -242,3 +242,11 @@ def test_a_mark_of_missing_samples_is_no_sample(tmp_path):
     path = hdf(tmp_path, t=(T, {}), u1=(U, {"_FillValue": 9.97e36}), i1=(values, {"_FillValue": -9999.0}))
     with pytest.raises(InputError, match="sample 701 is marked as missing"):
         load_waveform(path)
+
+
+def test_durations_of_parquet_are_times(tmp_path):
+    pyarrow = pytest.importorskip("pyarrow")
+    parquet = pytest.importorskip("pyarrow.parquet")
+    path, since = tmp_path / "a.parquet", np.rint(T * 1e6).astype("timedelta64[us]")
+    parquet.write_table(pyarrow.table({"since": since, "u1": U, "i1": I}), path)
+    assert load_waveform(path).form.rate == pytest.approx(RATE)
