@@ -49,10 +49,7 @@ def load(path: Path, given: ChannelMap) -> Recording:
         raise InputError(path, f"has {count} channels; say which are which with --map u1=0,i1=1 ...")
     if given.columns is None:
         _refuse_other_order(path, values)
-    if not exact and (largest := float(np.abs(values).max())) > _BEYOND:
-        notes.append(
-            f"its samples reach {largest:.4g} times full scale: are they V and A? Then --u-scale 1 --i-scale 1"
-        )
+    notes += [] if exact else _beyond_full_scale(values)
     names = [*QUANTITIES[:count], *(f"channel {k}" for k in range(6, count))] if given.columns is None else [""] * count
     channels = [Channel(name) for name in names]
 
@@ -61,6 +58,13 @@ def load(path: Path, given: ChannelMap) -> Recording:
 
     kind = f"{path.suffix[1:].upper()}, {'16 bits' if exact else 'wider than 16 bits'}"
     return Recording(path, kind, channels, len(values), column, rate, notes=notes, noun="channel")
+
+
+def _beyond_full_scale(values: NDArray[Any]) -> list[str]:
+    largest = float(np.abs(values).max())
+    if largest <= _BEYOND:
+        return []
+    return [f"its samples reach {largest:.4g} times full scale: are they V and A? Then --u-scale 1 --i-scale 1"]
 
 
 def _refuse_other_order(path: Path, values: NDArray[Any]) -> None:

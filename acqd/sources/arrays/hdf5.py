@@ -125,7 +125,9 @@ def _add(contents: Contents, path: Path, name: str, dataset: Any, unit: str) -> 
         return
     _numbers_of(contents, f"{name}/", dataset.attrs)
     scale, offset = (scalar(dataset.attrs.get(key, [])) for key in ("scale_factor", "add_offset"))
-    unused = [key for key in dataset.attrs if key not in ("scale_factor", "add_offset") and scales(key, dataset.attrs[key])]
+    unused = [
+        key for key in dataset.attrs if key not in ("scale_factor", "add_offset") and scales(key, dataset.attrs[key])
+    ]
     if unused:
         contents.notes.append(not_applied(name, f"an attribute {unused[0]}"))
     contents.add(

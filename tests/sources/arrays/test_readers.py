@@ -250,3 +250,15 @@ def test_durations_of_parquet_are_times(tmp_path):
     path, since = tmp_path / "a.parquet", np.rint(T * 1e6).astype("timedelta64[us]")
     parquet.write_table(pyarrow.table({"since": since, "u1": U, "i1": I}), path)
     assert load_waveform(path).form.rate == pytest.approx(RATE)
+
+
+@pytest.mark.parametrize("key", ["calibration_factor", "conversion", "slope", "removed_offset", "LSB"])
+def test_a_factor_beside_samples_is_named_whatever_its_name(tmp_path, key):
+    h5py, path = pytest.importorskip("h5py"), tmp_path / "a.h5"
+    with h5py.File(path, "w") as file:
+        for name, values, unit in (("time", T, "s"), ("u1", U, "V"), ("i1", I, "A")):
+            file.create_dataset(name, data=values).attrs["unit"] = unit
+        file["u1"].attrs[key] = 0.05
+        file["i1"].attrs["gain"] = 1.0
+    notes = load_waveform(path).notes
+    assert [f"u1 has an attribute {key}" in note for note in notes if "is not applied" in note] == [True]

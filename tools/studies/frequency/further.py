@@ -110,8 +110,11 @@ def _added(kind: str, size: float, at: float, random: Random, f: float) -> Calla
         width = float(random.uniform(0.005, 0.03))
 
         def cut(t: Floats, phase: int) -> Floats:
-            turn = (6 * (f * t - phase / 3) + 0.3) % 1
-            return np.asarray(-0.2 * abs(size) * (t >= at) * (turn < 6 * width) * np.cos(2 * np.pi * (f * t - phase / 3)))
+            turns = f * t - phase / 3
+            turn = (6 * turns + 0.3) % 1
+            return np.asarray(
+                -0.2 * abs(size) * (t >= at) * (turn < 6 * width) * np.cos(2 * np.pi * (f * t - phase / 3))
+            )
 
         return cut
     return None
