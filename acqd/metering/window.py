@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +42,20 @@ class WindowGrid:
         return number
 
 
+class OneWindow(NamedTuple):
+    """Quantities of a single window as plain numbers: arrays of one number would take as long as the metering."""
+
+    seq: int
+    utc_ns: int
+    f: float
+    quantities: list[float]
+    """Vrms, Irms, P, Q1 of all phases."""
+    readings: list[float]
+    """kWh: imported of all phases, then exported."""
+    flags: list[list[set[str]]] | None
+    """[phases][1] row flags; None: there are none."""
+
+
 @dataclass(slots=True)  # frozen, it would take a microsecond longer to make, of the fifteen of a window
 class WindowBatch:
     """Quantities of consecutive windows; NaN where a quantity does not exist."""
@@ -65,9 +80,29 @@ class WindowBatch:
     """[phases, windows] reactive power of the fundamentals [var], positive where the current lags; over two cycles."""
     flags: list[list[set[str]]]
     """[phases][windows] row flags."""
+    _one: OneWindow | None = field(init=False, repr=False, compare=False, default=None)
+
+    @classmethod
+    def of_one(cls, one: OneWindow) -> WindowBatch:
+        """A batch of a single window, whose columns are made when somebody asks for one."""
+        batch = cls.__new__(cls)
+        batch._one = one
+        return batch
+
+    def __getattr__(self, name: str) -> Any:
+        """Called for a column that is not there yet."""
+        one = self._one if name != "_one" else None
+        if one is None:
+            raise AttributeError(name)
+        rows = np.array((*one.quantities, *one.readings)).reshape(6, -1, 1)
+        self._one = None
+        self.seq, self.utc_ns, self.f = np.array((one.seq,)), np.array((one.utc_ns,)), np.array((one.f,))
+        self.Vrms, self.Irms, self.P, self.Q1, self.imported, self.exported = rows
+        self.flags = one.flags if one.flags is not None else [[set()] for _ in self.P]
+        return getattr(self, name)
 
     def __len__(self) -> int:
-        return len(self.seq)
+        return 1 if self._one is not None else len(self.seq)
 
     @property
     def S(self) -> Floats:  # noqa: N802
