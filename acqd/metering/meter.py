@@ -26,7 +26,7 @@ from acqd.metering.piece import LiveWindow, Piece
 from acqd.metering.reference_path import ReferencePath
 from acqd.metering.stream import WindowStream
 from acqd.metering.whole_cycles import CYCLES
-from acqd.metering.window import OneWindow, WindowBatch, WindowGrid
+from acqd.metering.window import OneWindow, WindowBatch, WindowGrid, batch_of
 
 Mode = Literal["synchronous", "fixed"]
 
@@ -198,7 +198,7 @@ class Meter:
             flags = [[set(window.flags)] for _ in self._phases]
             mark_phases(flags, 0, metered.mark)
         one = OneWindow(window.seq, window.utc_ns, metered.f, metered.quantities, metered.readings, flags)
-        return WindowBatch.of_one(one)
+        return batch_of(one)
 
     def _of_kernel(
         self, seq: NDArray[np.int64], utc_ns: NDArray[np.int64], named: Sequence[frozenset[str]], usual: Metered

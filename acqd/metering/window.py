@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,7 +42,8 @@ class WindowGrid:
         return number
 
 
-class OneWindow(NamedTuple):
+@dataclass(slots=True)
+class OneWindow:
     """Quantities of a single window as plain numbers: arrays of one number would take as long as the metering."""
 
     seq: int
@@ -56,8 +57,28 @@ class OneWindow(NamedTuple):
     """[phases][1] row flags; None: there are none."""
 
 
+class _Columns:
+    """Makes the columns of a batch of one window when somebody asks for the first of them."""
+
+    __slots__ = ("_one",)
+    _one: OneWindow
+
+    if not TYPE_CHECKING:  # to a type checker, every attribute would be there
+
+        def __getattr__(self, name: str) -> Any:
+            """Called for what is not there yet."""
+            if name not in _NAMES:
+                raise AttributeError(f"a batch of windows has no {name!r}")
+            one, phases = self._one, len(self._one.readings) // 2
+            rows = np.array((*one.quantities, *one.readings)).reshape(-1, phases, 1)
+            self.Vrms, self.Irms, self.P, self.Q1, self.imported, self.exported = rows
+            self.seq, self.utc_ns, self.f = np.array((one.seq,)), np.array((one.utc_ns,)), np.array((one.f,))
+            self.flags = [[set()] for _ in range(phases)] if one.flags is None else one.flags
+            return getattr(self, name)
+
+
 @dataclass(slots=True)  # frozen, it would take a microsecond longer to make, of the fifteen of a window
-class WindowBatch:
+class WindowBatch(_Columns):
     """Quantities of consecutive windows; NaN where a quantity does not exist."""
 
     seq: NDArray[np.int64]
@@ -80,29 +101,9 @@ class WindowBatch:
     """[phases, windows] reactive power of the fundamentals [var], positive where the current lags; over two cycles."""
     flags: list[list[set[str]]]
     """[phases][windows] row flags."""
-    _one: OneWindow | None = field(init=False, repr=False, compare=False, default=None)
-
-    @classmethod
-    def of_one(cls, one: OneWindow) -> WindowBatch:
-        """A batch of a single window, whose columns are made when somebody asks for one."""
-        batch = cls.__new__(cls)
-        batch._one = one
-        return batch
-
-    def __getattr__(self, name: str) -> Any:
-        """Called for a column that is not there yet."""
-        one = self._one if name != "_one" else None
-        if one is None:
-            raise AttributeError(name)
-        rows = np.array((*one.quantities, *one.readings)).reshape(6, -1, 1)
-        self._one = None
-        self.seq, self.utc_ns, self.f = np.array((one.seq,)), np.array((one.utc_ns,)), np.array((one.f,))
-        self.Vrms, self.Irms, self.P, self.Q1, self.imported, self.exported = rows
-        self.flags = one.flags if one.flags is not None else [[set()] for _ in self.P]
-        return getattr(self, name)
 
     def __len__(self) -> int:
-        return 1 if self._one is not None else len(self.seq)
+        return len(self.seq)
 
     @property
     def S(self) -> Floats:  # noqa: N802
@@ -129,3 +130,13 @@ class WindowBatch:
         phases = len(batches[0].flags)
         flags = [[row for batch in batches for row in batch.flags[phase]] for phase in range(phases)]
         return WindowBatch(**columns, flags=flags)
+
+
+def batch_of(one: OneWindow) -> WindowBatch:
+    """A batch of a single window."""
+    batch = WindowBatch.__new__(WindowBatch)
+    batch._one = one
+    return batch
+
+
+_NAMES = frozenset(field.name for field in fields(WindowBatch))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ctypes
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -64,7 +63,8 @@ class Metered:
         return [int(mark) for mark in self.rows[FLAGS].tolist()]
 
 
-class LiveMetered(NamedTuple):
+@dataclass(slots=True)
+class LiveMetered:
     """Quantities of one window."""
 
     f: float
