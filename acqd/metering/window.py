@@ -135,7 +135,7 @@ class WindowBatch(_Columns):
 def batch_of(one: OneWindow) -> WindowBatch:
     """A batch of a single window."""
     batch = WindowBatch.__new__(WindowBatch)
-    batch._one = one
+    batch._one = one  # type: ignore[misc]  # mypy knows the slots of the dataclass only
     return batch
 
 
