@@ -146,16 +146,14 @@ def rows_of(batch: WindowBatch, device: str, boot: str) -> Iterator[PowerRow]:
             flags.append(_total_flags(named) if any(flags) else [])
             V, A = [*V, effective(V)], [*A, effective(A)]
             watts, VA, kWh = [*watts, sum(watts)], [*VA, sum(VA)], [*kWh, sum(kWh)]
+        f_known = f if f == f else None  # None for NaN; as calls, these would take a sixth of the time of all
         for channel, V_k, A_k, P_k, S_k, W_k, names in zip(channels, V, A, watts, VA, kWh, flags, strict=True):
+            PF = power_factor(P_k, S_k)
             yield PowerRow(
-                device, channel, boot, seq, stamp, ticks, _known(V_k), _known(A_k), _known(P_k), _known(S_k),
-                _known(power_factor(P_k, S_k)), _known(f), _known(W_k), names,
+                device, channel, boot, seq, stamp, ticks, V_k if V_k == V_k else None, A_k if A_k == A_k else None,
+                P_k if P_k == P_k else None, S_k if S_k == S_k else None, PF if PF == PF else None, f_known,
+                W_k if W_k == W_k else None, names,
             )  # fmt: skip
-
-
-def _known(value: float) -> float | None:
-    """None for NaN."""
-    return value if value == value else None
 
 
 def _total_flags(phases: list[set[str]]) -> list[str]:
