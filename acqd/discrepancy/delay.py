@@ -128,7 +128,7 @@ def _line(t: Floats, delays: Floats) -> tuple[float, float, float]:
 
 
 def _about_line(left: Floats) -> float:
-    """Robust deviation of residuals [recordings] of a line, which passes through two recordings whatever their scatter."""
+    """Robust deviation of residuals [recordings] of a line, which passes through two whatever their scatter."""
     return mad_sigma(np.sort(np.abs(left))[2:], 0.0)
 
 
