@@ -14,6 +14,7 @@ from acqd.discrepancy.remarks import (
     common_load,
     differing_logs,
     drifted_level,
+    largely_unexplained,
     not_added,
     stages_of,
     unused_efforts,
@@ -62,6 +63,9 @@ def close_loop(config: CloseConfig, progress: Progress) -> Closed:
         floor_W, floor_source = after.rmse, "of the residual, which is smaller than what the power varies by at rest"
     warnings = [
         *of_meters,
+        *largely_unexplained(
+            improved, errors_before, usual, grown=usual.exceeded_by(subject.held_out, improved.errors)
+        ),
         *differing_logs(selection, improved),
         *common_load(selection),
         *drifted_level(selection),

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from acqd.arrays import Floats
 from acqd.discrepancy.recordings import Subject
 from acqd.discrepancy.repair.guard import Improved
+from acqd.discrepancy.repair.usual_error import UsualError
 from acqd.discrepancy.search import clock_effects
 from acqd.discrepancy.selection.accepted import Selection
 from acqd.discrepancy.selection.session_columns import LEVEL
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.models.effects import library
 from acqd.residual.logged_torque import side_of
+from acqd.residual.residuals import explained_share, rms
 from acqd.threshold import Stage
 
 
@@ -44,6 +47,27 @@ def differing_logs(selection: Selection, improved: Improved) -> list[str]:
                 f"explained clearly better by other parameters; close the loop on single sessions"
             )
     return notes
+
+
+def largely_unexplained(
+    improved: Improved, errors_before: list[Floats], usual: UsualError, *, grown: bool
+) -> list[str]:
+    """A note where the names explain less than half of what the error has grown by, and the rest is no usual error.
+
+    `grown`: whether the errors that remain are larger than those of the reference. Effects whose times nothing predicts
+    explain nothing of recordings that took no part.
+    """
+    names = improved.named
+    if usual.reference_rms is None or not grown or not names:
+        return []
+    if not all(library()[each.term.id].predictable for each in names):
+        return []
+    share = explained_share(errors_before, improved.errors, usual.lowest_W)
+    if share >= 0.5:
+        return []
+    sizes = f"{rms(improved.errors):.2f} W remain on held-out recordings, {usual.lowest_W:.2f} W in the reference"
+    explained = f"what has a name explains {max(share, 0.0):.0%} of what the squared error has grown by"
+    return [f"{explained}: {sizes}; the largest cause may be another one"]
 
 
 def drifted_level(selection: Selection) -> list[str]:

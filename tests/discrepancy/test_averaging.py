@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from acqd.discrepancy.averaging import with_like_means
 from acqd.discrepancy.recordings import Subject
@@ -64,3 +65,13 @@ def test_a_mean_in_the_reference_alone_is_said_and_taken_in_question_too(model, 
     assert "power of the reference is as if it were a mean over 0.28 s" in line
     for own, expected in zip([*after.fit, *after.held_out], averaged(asked, 7), strict=True):
         assert np.allclose(own.P, expected.P)
+
+
+def test_a_filter_is_no_mean(model, robot, sides):
+    asked, reference = sides
+    keep = np.exp(-1 / 8)
+    slow = [replace(s, P=lfilter([1 - keep], [1, -keep], s.P, zi=s.P[:1] * keep)[0]) for s in asked]
+    after, (line,) = with_like_means(subject(model, robot, slow, reference))
+    assert "smoothed with a time constant of 0.32 s" in line
+    late = np.std((after.fit[0].P - asked[0].P)[20:-20])
+    assert late < 0.5 * np.std((slow[0].P - asked[0].P)[20:-20])
