@@ -64,7 +64,7 @@ def close_loop(config: CloseConfig, progress: Progress) -> Closed:
     warnings = [
         *of_meters,
         *largely_unexplained(
-            improved, errors_before, usual, grown=usual.exceeded_by(subject.held_out, improved.errors)
+            selection, improved, errors_before, usual, grown=usual.exceeded_by(subject.held_out, improved.errors)
         ),
         *differing_logs(selection, improved),
         *common_load(selection),

@@ -28,23 +28,26 @@ def without_shared_rows(
     What is left of a segment counts from `least_rows` rows on.
     """
     kept: list[Segment] = []
+    names = [f"{each.recording} in the reference" for each in reference]
     shared: dict[str, str] = {}
     for segment in sorted(segments, key=lambda each: each.start_s):
         free = np.ones(len(segment.P), dtype=bool)
-        for other in [*reference, *kept]:
+        earlier = zip([*reference, *kept], [*names, *(each.recording for each in kept)], strict=True)
+        for other, name in earlier:
             if (rows := _shared(segment, other, step_s)) is not None:
                 free[rows] = False
-                shared.setdefault(segment.recording, other.recording)
+                shared.setdefault(segment.recording, name)
         if free.all():
             kept.append(segment)
         else:
             kept += [_part(segment, *run, step_s) for run in runs_of_true(free) if run[1] - run[0] >= least_rows]
     if not shared:
         return segments, []
-    first, other = next(iter(shared.items()))
-    many = f"{len(shared)} recordings hold" if len(shared) > 1 else f"{first} holds"
-    which = f", the first: {first} those of {other}" if len(shared) > 1 else f" of {other}"
-    return kept, [f"{many} power rows of another recording{which}; they count once"]
+    first, whose = next(iter(shared.items()))
+    which = f"{first} holds power rows of {whose}"
+    if len(shared) > 1:
+        which = f"{len(shared)} recordings hold power rows of others, the first: {first} those of {whose}"
+    return kept, [f"{which}; they count once"]
 
 
 def _shared(segment: Segment, other: Segment, step_s: float) -> slice | None:

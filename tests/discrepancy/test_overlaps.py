@@ -27,13 +27,13 @@ def test_a_second_export_and_overlapping_logs_count_once():
     assert kept[1].start_s == pytest.approx(late.start_s + 199 * STEP) and len(kept[1].before) == 199
     assert np.array_equal(kept[1].q, late.q[199:])
     assert np.array_equal(kept[1].signals["brake"], late.signals["brake"][199:])
-    assert line.startswith("2 recordings hold power rows of another recording, the first: b those of a")
+    assert line.startswith("2 recordings hold power rows of others, the first: b those of a;")
 
 
 def test_rows_of_the_reference_are_not_in_question():
     known = replace(cut("a", 100.2, 500), P=cut("a", 100.2, 500).P.astype(np.float32).astype(float))
     kept, lines = without_shared_rows([cut("a", 100.2, 500), cut("d", 800, 500)], [known], STEP, LEAST)
-    assert [each.recording for each in kept] == ["d"] and "a holds power rows of another recording of a" in lines[0]
+    assert [each.recording for each in kept] == ["d"] and "a holds power rows of a in the reference" in lines[0]
     kept, lines = without_shared_rows([cut("a", 100.7, 500)], [known], STEP, LEAST)
     assert not kept and lines
 
