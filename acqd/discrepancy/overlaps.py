@@ -28,19 +28,21 @@ def without_shared_rows(
     What is left of a segment counts from `least_rows` rows on.
     """
     kept: list[Segment] = []
-    names = [f"{each.recording} in the reference" for each in reference]
     shared: dict[str, str] = {}
+    earlier = [(each, f"{each.recording} in the reference") for each in reference]
     for segment in sorted(segments, key=lambda each: each.start_s):
         free = np.ones(len(segment.P), dtype=bool)
-        earlier = zip([*reference, *kept], [*names, *(each.recording for each in kept)], strict=True)
+        earlier = [pair for pair in earlier if _end_s(pair[0], step_s) > segment.start_s]
         for other, name in earlier:
             if (rows := _shared(segment, other, step_s)) is not None:
                 free[rows] = False
                 shared.setdefault(segment.recording, name)
         if free.all():
-            kept.append(segment)
+            parts = [segment]
         else:
-            kept += [_part(segment, *run, step_s) for run in runs_of_true(free) if run[1] - run[0] >= least_rows]
+            parts = [_part(segment, *run, step_s) for run in runs_of_true(free) if run[1] - run[0] >= least_rows]
+        kept += parts
+        earlier += [(part, part.recording) for part in parts]
     if not shared:
         return segments, []
     first, whose = next(iter(shared.items()))
@@ -48,6 +50,11 @@ def without_shared_rows(
     if len(shared) > 1:
         which = f"{len(shared)} recordings hold power rows of others, the first: {first} those of {whose}"
     return kept, [f"{which}; they count once"]
+
+
+def _end_s(segment: Segment, step_s: float) -> float:
+    """Unix time, s."""
+    return segment.start_s + len(segment.P) * step_s
 
 
 def _shared(segment: Segment, other: Segment, step_s: float) -> slice | None:

@@ -123,7 +123,10 @@ def _trained_sessions(config: CloseConfig, data: Dataset, unseen: list[Segment])
         own = {s.recording for s in data.segments if s.session == f"session {number}"}
         new = {s.recording for s in unseen if s.session == f"session {number}"}
         if not new:
-            raise UserError(f"--with {path}: the model was fitted on all of its recordings; name those made since")
+            raise UserError(
+                f"--with {path}: the model was fitted on all of its recordings, or its reference holds them; "
+                "name those made since"
+            )
         if own - new:
             notes.append(f"{len(own - new)} of {len(own)} recordings of {path} were part of the training; left out")
     return notes
