@@ -26,6 +26,8 @@ from acqd.models.segments import Dataset, Segment, load_dataset
 from acqd.models.yearly import moving_rows, require_duty
 from acqd.robot.description import RobotDescription, load_description
 
+_ROUNDING = 1e-9
+"""rad or m: what interpolation leaves of a constant angle."""
 Question = Literal["change", "structure"]
 """What has changed since the reference; what the model lacks in all recordings."""
 
@@ -70,6 +72,7 @@ def subject_of(config: CloseConfig, progress: Callable[[str, float], None]) -> S
     reference, notes = _reference(config, data, same=same)
     data, shared = _without_shared_rows(data, reference)
     unseen, remarks = _unseen(provenance, data)
+    remarks += _unmoved_joints(data, reference)
     remarks += _trained_sessions(config, data, unseen)
     _require_enough(config, data, data.segments if same else unseen or data.segments)
     if not unseen:
@@ -193,6 +196,16 @@ def _require_enough(config: CloseConfig, data: Dataset, segments: list[Segment])
             f"{config.dataset}: {len(recordings)} recordings of at least {least * data.step_s:.1f} s, "
             f"{seconds:.0f} s together, are too few to distinguish an effect from chance; {more}"
         )
+
+
+def _unmoved_joints(data: Dataset, reference: list[Segment]) -> list[str]:
+    """A note of joints without any change of angle, not even noise, that move in the reference."""
+    now, then = (np.concatenate([s.q for s in each]) for each in (data.segments, reference or data.segments))
+    joints = np.flatnonzero((np.ptp(now, axis=0) <= _ROUNDING) & (np.ptp(then, axis=0) > _ROUNDING)) + 1
+    if not len(joints):
+        return []
+    names = ", ".join(f"q{joint}" for joint in joints)
+    return [f"{names}: one angle in all rows in question, but not in the reference; is the column measured?"]
 
 
 def _least_rows() -> int:
