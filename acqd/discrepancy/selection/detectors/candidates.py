@@ -206,9 +206,13 @@ def residuals_of(design: Design, regression: Regression, omit: str = "") -> list
 
 
 def _ripple(design: Design, effect: Effect, residuals: list[Floats], segments: list[int]) -> Detection:
-    scenes = [design.columns.scenes[k] for k in segments]
-    own = [residuals[k] for k in segments]
-    likeliest = ripple.scan(scenes, own, design.whitener)
-    best = ripple.refined(effect, likeliest[0], scenes, own, design.whitener)
-    columns = [effect_rows(effect, scene, best.shape) for scene in design.columns.scenes]
-    return Detection(effect, best.shape, columns, tried=ripple.tried(scenes), refinable=True)
+    """Scanned in all segments; of long recordings, the frequency is refined in those whose scenes are kept."""
+    scenes = design.columns.scenes
+    every = (scenes[k] for k in segments)
+    likeliest, travel = ripple.scan(design.columns.model.axes, every, [residuals[k] for k in segments], design.whitener)
+    some = [k for k in segments if k in scenes.kept] or segments
+    best = ripple.refined(
+        effect, likeliest, travel, [scenes[k] for k in some], [residuals[k] for k in some], design.whitener
+    )
+    columns = [effect_rows(effect, scene, best.shape) for scene in scenes]
+    return Detection(effect, best.shape, columns, tried=travel.tried, refinable=True)
