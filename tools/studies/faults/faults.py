@@ -25,6 +25,7 @@ from tools.studies.faults.on_storage import (
     database_moved,
     database_put_back,
     database_put_back_at_rest,
+    database_put_back_unseen,
     disk_errors,
     foreign_file,
     lock,
@@ -62,6 +63,7 @@ ALL: dict[str, Fault] = (
         "maintenance with a wrong clock": maintained,
         "database put back": database_put_back,
         "database put back at rest": database_put_back_at_rest,
+        "database put back unseen": database_put_back_unseen,
         "table refuses rows": table_refuses,
         "spool unreadable": spool_unreadable,
         "spool deleted": spool_deleted,
@@ -94,7 +96,10 @@ _NEEDS = {
     "refusals": ("daemon's disk answers errors", "sink's disk answers errors"),
 }  # fmt: skip
 
-_FILES = {"sink's disk answers errors", "database moved away", "database put back", "database put back at rest"}
+_FILES = {
+    "sink's disk answers errors", "database moved away", "database put back", "database put back at rest",
+    "database put back unseen",
+}  # fmt: skip
 """Faults of a database that is a file."""
 
 
