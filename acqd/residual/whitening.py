@@ -5,6 +5,7 @@ Residuals of rows 40 ms apart are correlated. A method that assumes independent 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,6 +21,8 @@ _DIFFUSE = 1e3
 """Variance of an unknown level relative to that of the noise."""
 _AT_ONCE = 32
 """Rows that are filtered by one product with a band of taps: few zeros in the band, and long rows for BLAS."""
+_FEW = 4
+"""Columns that are convolved one by one instead: rows of so few columns are too short for BLAS."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,12 +72,15 @@ class Whitener:
     def apply(self, values: NDArray[Any]) -> Floats:
         """White rows [T - order, ...]; the first `order` rows are only the past of the others."""
         order, columns = len(self.taps) - 1, _columns(values)
-        rows, band = max(len(values) - order, 0), self._band()
+        rows = max(len(values) - order, 0)
         white = np.empty((rows, columns.shape[1]))
-        for first in range(0, rows, _AT_ONCE):
-            here = min(_AT_ONCE, rows - first)
-            inside = columns[first : first + here + order]
-            np.matmul(band[:here, : here + order], inside, out=white[first : first + here])
+        if rows and columns.shape[1] <= _FEW:
+            for each, out in zip(columns.T, white.T, strict=True):
+                out[:] = np.convolve(each, self.taps, "valid")
+        else:
+            for first, band in self._bands(rows):
+                inside = columns[first : first + band.shape[1]]
+                np.matmul(band, inside, out=white[first : first + len(band)])
         return white.reshape(rows, *values.shape[1:])
 
     def from_start(self, values: NDArray[Any]) -> Floats:
@@ -92,20 +98,26 @@ class Whitener:
         """
         order, columns = len(self.taps) - 1, _columns(white)
         begin = 0 if past else min(order, len(white))
-        rows, band = len(white) - begin, self._band()
+        rows = len(white) - begin
         result = np.zeros((order + rows if past else len(white), columns.shape[1]))
-        for first in range(0, rows, _AT_ONCE):
-            here = min(_AT_ONCE, rows - first)
-            filtered = columns[begin + first : begin + first + here]
-            result[first : first + here + order] += band[:here, : here + order].T @ filtered
+        if rows and columns.shape[1] <= _FEW:
+            for each, out in zip(columns[begin:].T, result.T, strict=True):
+                out[:] = np.convolve(each, self.taps[::-1])
+        else:
+            for first, band in self._bands(rows):
+                filtered = columns[begin + first : begin + first + len(band)]
+                result[first : first + band.shape[1]] += band.T @ filtered
         if not past:
             result[:begin] += self.start[:begin, :begin].T @ columns[:begin]
         return result.reshape(len(result), *white.shape[1:])
 
-    def _band(self) -> Floats:
-        """[n, n + order]: the rows of a product with it are white."""
-        below = np.zeros(_AT_ONCE - 1)
-        return np.asarray(toeplitz([self.taps[-1], *below], [*self.taps[::-1], *below]))
+    def _bands(self, rows: int) -> Iterator[tuple[int, Floats]]:
+        """First row and band [n, n + order] of every few rows: the rows of a product with the band are white."""
+        order, below = len(self.taps) - 1, np.zeros(_AT_ONCE - 1)
+        band = toeplitz([self.taps[-1], *below], [*self.taps[::-1], *below])
+        for first in range(0, rows, _AT_ONCE):
+            here = min(_AT_ONCE, rows - first)
+            yield first, band[:here, : here + order]
 
 
 def _columns(values: NDArray[Any]) -> Floats:

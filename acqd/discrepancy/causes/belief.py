@@ -134,7 +134,7 @@ class Belief:
 
 
 def given_lead(belief: Belief, name: str, confidence: float, rivals: Mapping[str, float]) -> Belief:
-    """The belief where an effect was selected first: `confidence` in the effect, and in its `rivals` by label.
+    """The belief where effects were selected: `confidence` in the largest, and in its `rivals` by label.
 
     These were judged beside everything that was selected later, the belief before anything was selected: it shares what
     is left. The set is the smallest that has 95 %.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import functools
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,28 +24,78 @@ def library() -> ctypes.CDLL | None:
         return None
     doubles = np.ctypeslib.ndpointer(np.float64, flags="C_CONTIGUOUS")
     states = np.ctypeslib.ndpointer(np.bool_, flags="C_CONTIGUOUS")
-    loaded.acqd_path.argtypes = [ctypes.c_ssize_t, doubles, doubles, doubles, states, states]
+    count, number = ctypes.c_ssize_t, ctypes.c_double
+    loaded.acqd_path.argtypes = [count, count, doubles, number, number, doubles, states, doubles]
     loaded.acqd_path.restype = None
-    loaded.acqd_lasting.argtypes = [ctypes.c_ssize_t, ctypes.c_ssize_t, states]
+    loaded.acqd_lasting.argtypes = [count, count, states]
     loaded.acqd_lasting.restype = None
     return loaded
 
 
-def likeliest(stay: Floats, rise: Floats, fall: Floats) -> NDArray[np.bool_]:
-    """[T] the likeliest states of a stretch.
+class White(NamedTuple):
+    """White rows of a stretch [T], as a load sees them that draws its size times a level while on."""
 
-    `stay` [T]: log-likelihood ratio of a row that is on; `rise`, `fall` [T]: of a switching in front of a row.
+    product: Floats
+    """Of the residual and the level."""
+    square: Floats
+    """Of the level."""
+    step: Floats
+    """Product of the residual with the transient of a step at the row, times the level there."""
+    cost: Floats
+    """Square of the transient."""
+    cross: Floats
+    """Product of the transient with the level."""
+
+
+class Path(NamedTuple):
+    """States of a stretch, and what they explain."""
+
+    on: NDArray[np.bool_]
+    """[T]."""
+    gain: float
+    """Penalised log-likelihood ratio against always off, at the size of the search."""
+    projected: float
+    """Product of a load of size 1 on this path with the residual."""
+    energy: float
+    """Its square: the least-squares size is `projected` / `energy`."""
+
+
+def likeliest(white: Floats, size: float, price: float, dwell: int) -> Path:
+    """The Viterbi path of a load of a size, without states shorter than `dwell` rows.
+
+    `white` [5, T]: a `White` in one array; `price`: log-likelihood that a switching pays.
     """
     compiled = library()
     if compiled is None:
-        return likeliest_in_numpy(stay, rise, fall)
-    path, back = np.empty(len(stay), dtype=bool), np.empty(len(stay), dtype=bool)
-    compiled.acqd_path(len(stay), *(np.ascontiguousarray(each, dtype=float) for each in (stay, rise, fall)), back, path)
-    return path
+        return likeliest_in_numpy(white, size, price, dwell)
+    rows = white.shape[1]
+    path, sums = np.empty(rows, dtype=bool), np.empty(3)
+    compiled.acqd_path(rows, dwell, white, size, price, np.empty((4, rows)), path, sums)
+    return Path(path, *sums.tolist())
 
 
-def likeliest_in_numpy(stay: Floats, rise: Floats, fall: Floats) -> NDArray[np.bool_]:
-    """The same, row by row."""
+def likeliest_in_numpy(white: Floats, size: float, price: float, dwell: int) -> Path:
+    """The same with numpy."""
+    product, square, step, cost, cross = white
+    half = size * size / 2
+    stay = size * product - half * square
+    rise, fall = size * step - half * cost - 2 * half * cross - price, -size * step - half * cost - price
+    on = lasting_in_numpy(viterbi(stay, rise, fall), dwell)
+    change = np.diff(on.astype(int), prepend=int(on[0]))
+    rises, falls = change > 0, change < 0
+    return Path(
+        on,
+        float(stay[on].sum() + rise[rises].sum() + fall[falls].sum()),
+        float(product[on].sum() + step[rises].sum() - step[falls].sum()),
+        float(square[on].sum() + cost[change != 0].sum() + 2 * cross[rises].sum()),
+    )
+
+
+def viterbi(stay: Floats, rise: Floats, fall: Floats) -> NDArray[np.bool_]:
+    """[T] the likeliest states of a stretch, row by row.
+
+    `stay` [T]: log-likelihood ratio of a row that is on; `rise`, `fall` [T]: of a switching in front of a row.
+    """
     came_from_on, came_from_off = (np.zeros(len(stay), dtype=bool) for _ in range(2))
     off, on = 0.0, float(stay[0]) - 1.0
     for k, (keeps, rises, falls) in enumerate(zip(stay.tolist(), rise.tolist(), fall.tolist(), strict=True)):

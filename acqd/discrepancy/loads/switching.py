@@ -8,6 +8,7 @@ power of 1 N for a contact.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +17,7 @@ from scipy.ndimage import uniform_filter1d
 
 from acqd.arrays import Floats
 from acqd.discrepancy.loads.edges import shares_of_rows
-from acqd.discrepancy.loads.paths import lasting, likeliest
+from acqd.discrepancy.loads.paths import White, likeliest
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.residual.thresholds import NOISE
 from acqd.residual.whitening import Whitener
@@ -57,21 +58,6 @@ class States:
     def share(self) -> float:
         """Share of rows that are on."""
         return float(np.concatenate(self.on).mean())
-
-
-@dataclass(frozen=True, slots=True)
-class _White:
-    """A segment after whitening; row k is row k + order of the segment."""
-
-    residual: Floats
-    level: Floats
-    """The whitened shape."""
-    step: Floats
-    """Product of the residual with the transient of a step at the row, times the shape there."""
-    cost: Floats
-    """Square of the transient."""
-    cross: Floats
-    """Product of the transient with `level`."""
 
 
 def search(
@@ -130,7 +116,8 @@ class _Optimum:
     paths: list[NDArray[np.bool_]]
 
 
-def _prepared(residual: Floats, shape: Floats, whitener: Whitener) -> _White:
+def _prepared(residual: Floats, shape: Floats, whitener: Whitener) -> Floats:
+    """[5, T - order] a `White`: row k is row k + order of the segment."""
     lost = len(whitener.taps) - 1
     w = whitener.apply(residual)
     level = whitener.apply(shape)
@@ -141,59 +128,23 @@ def _prepared(residual: Floats, shape: Floats, whitener: Whitener) -> _White:
     z = np.correlate(ahead, transient, "valid")[: len(w)]
     cross = np.correlate(level_ahead, transient, "valid")[: len(w)]
     c = shape[lost:]
-    return _White(w, level, c * z, c**2 * float(transient @ transient), c * cross)
+    return np.stack(White(w * level, level**2, c * z, c**2 * float(transient @ transient), c * cross))
 
 
-def _settle(white: list[_White], starts: list[float], dwell: int, rounds: int) -> list[_Optimum]:
+def _settle(white: list[Floats], starts: list[float], dwell: int, rounds: int) -> Iterator[_Optimum]:
     """Alternate between path and size, from every starting value."""
-    sizes = np.array(starts)
-    found: list[_Optimum | None] = [None] * len(starts)
-    alive = np.arange(len(starts))
-    for _ in range(rounds):
-        going = []
-        for k in alive:
-            paths = [lasting(_path(each, float(sizes[k])), dwell) for each in white]
-            gain = sum(_gain(each, path, sizes[k]) for each, path in zip(white, paths, strict=True))
-            found[k] = _Optimum(gain, float(sizes[k]), paths)
-            again = _level(white, paths)
-            if again * sizes[k] > 0 and abs(again - sizes[k]) > 1e-2 * abs(sizes[k]):
-                sizes[k] = again
-                going.append(k)
-        alive = np.array(going, dtype=int)
-        if not len(alive):
-            break
-    return [each for each in found if each is not None]
-
-
-def _level(white: list[_White], paths: list[NDArray[np.bool_]]) -> float:
-    """Least-squares size for a path."""
-    projected = energy = 0.0
-    for each, path in zip(white, paths, strict=True):
-        change = np.diff(path.astype(int), prepend=int(path[0]))
-        rises, falls = change > 0, change < 0
-        projected += float((each.residual * each.level)[path].sum() + each.step[rises].sum() - each.step[falls].sum())
-        energy += float((each.level**2)[path].sum() + each.cost[change != 0].sum() + 2 * each.cross[rises].sum())
-    return projected / energy if energy > 1e-9 else 0.0
-
-
-def _gain(white: _White, path: NDArray[np.bool_], size: float) -> float:
-    """Penalised log-likelihood ratio of the path against always off."""
-    half = size * size / 2
-    change = np.diff(path.astype(int), prepend=int(path[0]))
-    rises, switched = change > 0, change != 0
-    gain = size * (white.residual * white.level)[path].sum() - half * (white.level**2)[path].sum()
-    gain += size * (white.step[rises].sum() - white.step[change < 0].sum()) - half * white.cost[switched].sum()
-    return float(gain - size * size * white.cross[rises].sum() - _PRICE * switched.sum())
-
-
-def _path(white: _White, size: float) -> NDArray[np.bool_]:
-    """Viterbi path of a stretch for a size."""
-    half = size * size / 2
-    return likeliest(
-        size * white.residual * white.level - half * white.level**2,
-        size * white.step - half * white.cost - 2 * half * white.cross - _PRICE,
-        -size * white.step - half * white.cost - _PRICE,
-    )
+    for start in starts:
+        size, optimum = start, None
+        for _ in range(rounds):
+            paths = [likeliest(each, size, _PRICE, dwell) for each in white]
+            optimum = _Optimum(sum(path.gain for path in paths), size, [path.on for path in paths])
+            projected, energy = sum(path.projected for path in paths), sum(path.energy for path in paths)
+            again = projected / energy if energy > 1e-9 else 0.0
+            if again * size <= 0 or abs(again - size) <= 1e-2 * abs(size):
+                break
+            size = again
+        if optimum is not None:
+            yield optimum
 
 
 def walks(residuals: list[Floats], on: list[NDArray[np.bool_]], rows: int) -> bool:

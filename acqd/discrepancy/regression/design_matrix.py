@@ -76,6 +76,16 @@ class Design:
         values[:, added] = more[:, indices[added] - y - 1]
         return values
 
+    def power(self, segment: int, indices: Indices, weights: Floats, rows: slice) -> Floats:
+        """[rows] W of the sum of many columns with weights [k], in the single precision of the columns.
+
+        Whole rows are multiplied: to gather some columns of every row would take longer.
+        """
+        y = self.blocks.white.y
+        of_all = np.bincount(indices, weights, self.blocks.white.size).astype(np.float32)
+        own, more = self.columns.values[segment][rows], self.added[segment][rows]
+        return np.asarray(own @ of_all[:y] + more @ of_all[y + 1 :], dtype=np.float64)
+
     def at_joints(self, candidate: Candidate, weights: Floats) -> Information | None:
         """What logged torques say about a candidate; `weights` [blocks]: how often a block counts. None: nothing."""
         witness, variant = self.witness, candidate.fitted or candidate.variant

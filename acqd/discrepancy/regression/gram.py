@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,24 +36,17 @@ class Gram:
 
     def take(self, block: int | slice | Indices, rows: Indices, columns: Indices) -> Floats:
         """[rows, columns] of one block, or [blocks, rows, columns] of several."""
-        fixed = self.y + 1
         chosen = np.arange(len(self.fixed))[block]
         one = chosen.ndim == 0
-        chosen = np.atleast_1d(chosen)
-        values = np.empty((len(chosen), len(rows), len(columns)))
-        row_old, column_old = rows < fixed, columns < fixed
-        place = _in_triangle(rows[row_old], columns[column_old], fixed)
-        if row_old.all() and column_old.all():
-            for number, k in enumerate(chosen):
-                np.take(self.fixed[k], place, out=values[number])
-        else:
-            old = np.ix_(row_old, column_old)
-            for number, k in enumerate(chosen):
-                values[number][old] = self.fixed[k][place]
-            new = np.ix_(chosen, rows, columns[~column_old] - fixed)
-            values[:, :, ~column_old] = self.added[new]
-            mirrored = np.ix_(chosen, columns[column_old], rows[~row_old] - fixed)
-            values[np.ix_(np.arange(len(chosen)), ~row_old, column_old)] = self.added[mirrored].transpose(0, 2, 1)
+        places = _places(rows.tobytes(), columns.tobytes(), self.y + 1)
+        values = np.empty((chosen.size, len(rows), len(columns)))
+        for k, out in zip(np.atleast_1d(chosen).tolist(), values, strict=True):
+            if places.fixed is None:
+                np.take(self.fixed[k], places.triangle, out=out)
+                continue
+            out[places.fixed] = self.fixed[k][places.triangle]
+            out[:, places.new_columns] = self.added[k][places.added]
+            out[places.new_rows] = self.added[k][places.mirrored]
         return values[0] if one else values
 
     def residual_products(self, block: int | slice | Indices, columns: Indices) -> Floats:
@@ -94,16 +87,37 @@ def _triangle(size: int) -> Indices:
     return np.flatnonzero(np.triu(np.ones((size, size), dtype=bool)))
 
 
-def _in_triangle(rows: Indices, columns: Indices, size: int) -> Indices:
-    """[rows, columns] indices into an upper triangle of a symmetric matrix [size, size]."""
-    return _remembered_triangle(rows.tobytes(), columns.tobytes(), size)
+class _Places(NamedTuple):
+    """Where elements [rows, columns] lie: products of two columns of the design, and those with added ones."""
+
+    fixed: tuple[Indices, Indices] | None
+    """Of the rows and columns of the design; None: all."""
+    triangle: Indices
+    """Indices into the upper triangle."""
+    new_columns: Indices
+    added: tuple[Indices, Indices]
+    """Indices of these columns into the added products."""
+    new_rows: tuple[Indices, Indices]
+    """Of the added rows, and the columns of the design."""
+    mirrored: tuple[Indices, Indices]
+    """Indices into the added products, columns first."""
 
 
 @lru_cache(maxsize=8)
-def _remembered_triangle(rows: bytes, columns: bytes, size: int) -> Indices:
-    """Blocks after blocks are asked for the same columns."""
+def _places(rows: bytes, columns: bytes, size: int) -> _Places:
+    """Of `size` columns of the design, y among them. Blocks after blocks are asked for the same columns."""
     first, second = (np.frombuffer(each, dtype=np.int64) for each in (rows, columns))
-    return _upper(np.minimum.outer(first, second), np.maximum.outer(first, second), size)
+    row_old, row_new, column_old, column_new = (
+        np.flatnonzero(each) for each in (first < size, first >= size, second < size, second >= size)
+    )
+    old_rows, old_columns = first[row_old], second[column_old]
+    triangle = _upper(np.minimum.outer(old_rows, old_columns), np.maximum.outer(old_rows, old_columns), size)
+    whole = not row_new.size and not column_new.size
+    return _Places(
+        None if whole else (row_old[:, None], column_old[None, :]), triangle,
+        column_new, (first[:, None], second[column_new] - size),
+        (row_new[:, None], column_old[None, :]), (old_columns[None, :], (first[row_new] - size)[:, None]),
+    )  # fmt: skip
 
 
 def _upper(row: Indices, column: Indices, size: int) -> Indices:

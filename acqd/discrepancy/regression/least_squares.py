@@ -91,6 +91,7 @@ class Regression:
         self.precision = np.array([0.0 if np.isinf(c.deviation) else c.deviation**-2.0 for c in columns])
         self._pull = self.precision * np.array([c.mean for c in columns])
         self._normal: tuple[Floats, Floats] | None = None  # of all blocks
+        self._fewer: tuple[Floats, Floats] | None = None  # of all blocks, of the first columns
         self._crossed: tuple[Indices, Floats, _Cross] | None = None  # of all blocks: candidates, gate, sums
         self._latest: tuple[Floats, tuple[Floats, bool], Floats] | None = None  # weights, factor, coefficients
 
@@ -103,11 +104,17 @@ class Regression:
 
     def with_columns(self, blocks: Blocks, columns: list[Column]) -> Regression:
         """The regression with more columns, on the blocks of a design that has them."""
-        return Regression(blocks, [*self.columns, *columns])
+        other = Regression(blocks, [*self.columns, *columns])
+        other._fewer = self._normal if blocks.white.fixed is self.blocks.white.fixed else None
+        return other
 
     def without(self, owner: str) -> Regression:
         """The regression without the columns of an effect, and without those that vary its size."""
-        return Regression(self.blocks, [each for each in self.columns if owner not in (each.owner, each.varies)])
+        left = [k for k, each in enumerate(self.columns) if owner not in (each.owner, each.varies)]
+        other = Regression(self.blocks, [self.columns[k] for k in left])
+        if self._normal is not None:
+            other._normal = self._normal[0][np.ix_(left, left)], self._normal[1][left]
+        return other
 
     def compete(self, candidates: Indices, gate: Floats, weights: Floats | None = None) -> Competition:
         """Candidate columns under `gate` [blocks]; `weights` [blocks]: how often a block counts."""
@@ -164,12 +171,29 @@ class Regression:
             A, b = self._add_normal(None, weights)
         else:
             if self._normal is None:
-                self._normal = self._add_normal(None, np.ones(len(weights)))
+                self._normal = self._all_normal()
             A, b = self._add_normal(self._normal, weights - 1)
             if changed:  # what the other blocks hold was taken away, but for its rounding errors
                 A[np.diag_indices(len(A))] += _ROUNDING * np.diag(self._normal[0])
         A[np.diag_indices(len(A))] += self.precision + 1e-9 * np.maximum(np.diag(A), 1e-9)
         return A, b + self._pull
+
+    def _all_normal(self) -> tuple[Floats, Floats]:
+        """Of all blocks; products of columns that a smaller regression had are known."""
+        if self._fewer is None:
+            return self._add_normal(None, np.ones(len(self.blocks)))
+        gram, size, known = self.blocks.white, len(self.columns), len(self._fewer[1])
+        A, b = np.zeros((size, size)), np.zeros(size)
+        A[:known, :known], b[:known] = self._fewer
+        for i in range(len(self.blocks)):
+            active, new = (np.flatnonzero(self.gates[first:, i]) + first for first in (0, known))
+            if not len(new):
+                continue
+            products = gram.take(i, self.indices[active], self.indices[new])
+            A[active[:, None], new] += products * np.outer(self.gates[active, i], self.gates[new, i])
+            b[new] += gram.residual_products(i, self.indices[new]) * self.gates[new, i]
+        A[known:, :known] = A[:known, known:].T
+        return A, b
 
     def _add_normal(self, to: tuple[Floats, Floats] | None, weights: Floats) -> tuple[Floats, Floats]:
         size = len(self.columns)

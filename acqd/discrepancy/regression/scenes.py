@@ -10,6 +10,7 @@ import math
 from collections.abc import Sequence
 from typing import Any, overload
 
+from acqd.arrays import Floats
 from acqd.models.effects.scene import Scene, segment_scene
 from acqd.models.greybox.model import GreyBox
 from acqd.models.segments import Segment
@@ -35,6 +36,8 @@ class Scenes(Sequence[Scene]):
         """Numbers of segments in question, spread over the recordings, whose scenes are kept."""
         self._scenes: dict[int, Scene] = {}
         self._newest: Scene | None = None
+        self.levels: dict[str, list[Floats]] = {}
+        """[T] W per segment, by id, of effects that are only switched on and off: every search asks for them."""
 
     def __len__(self) -> int:
         return len(self.segments)

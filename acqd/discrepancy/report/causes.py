@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from acqd.discrepancy.causes.belief import MISSED, NOTHING, OUTSIDE, Belief, given_lead, shipped
@@ -31,9 +32,12 @@ def believed(closed: Closed) -> Belief | None:
 
 
 def leading(closed: Closed) -> Reported | None:
-    """The effect that was selected first, named or not; None where that effect may be nothing."""
-    first = next(iter(closed.improved.effects), None)
-    return None if first is None or first.status == "refused" else first
+    """The effect with the largest evidence, named or not; None where every effect may be nothing.
+
+    A shift of whole recordings was corrected before any evidence was computed.
+    """
+    effects = [each for each in closed.improved.effects if each.status != "refused"]
+    return max(effects, key=lambda each: math.inf if each.evidence is None else each.evidence, default=None)
 
 
 def sentence(belief: Belief, *, by_confidence: bool = False) -> str:

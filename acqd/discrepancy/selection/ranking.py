@@ -14,11 +14,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import log_ndtr
 
 from acqd.arrays import Floats
+from acqd.discrepancy.joints.witness import Information
 from acqd.discrepancy.regression.design_columns import Candidate
 from acqd.discrepancy.regression.design_matrix import Design
 from acqd.discrepancy.regression.gram import Indices
@@ -83,7 +85,7 @@ def ranked(rows: Rows, gate: Floats, candidates: list[Candidate], weights: Float
     contest = _Contest.of(candidates)
     competition = rows.regression.compete(contest.used, gate, weights)
     counted = gate if weights is None else gate * weights
-    findings = [finding for _, finding in _judged(rows, contest, competition, candidates, counted)]
+    findings = _judged(rows, contest, competition, candidates, counted)
     return sorted(findings, key=lambda finding: -finding.evidence)
 
 
@@ -124,12 +126,13 @@ def acts(schur: Floats) -> bool:
 
 def _judged(
     rows: Rows, contest: _Contest, competition: Competition, candidates: list[Candidate], weights: Floats
-) -> Iterator[tuple[int, Finding]]:
-    """Index and finding of every candidate that acts; `weights` [blocks]."""
+) -> Iterator[Finding]:
+    """A finding of every candidate that acts; `weights` [blocks]."""
     design, rate = rows.design, rows.learning_rate
     deviations = prior_deviations(design, contest.used)
     searched = float(np.log(max(float(design.blocks.rows @ (weights > 0)), 2.0)))
-    for number, (candidate, positions) in enumerate(zip(candidates, contest.positions, strict=True)):
+    acting: dict[int, list[_Acting]] = {}
+    for candidate, positions in zip(candidates, contest.positions, strict=True):
         schur, products = part_of(competition.schur, competition.products, positions, candidate)
         if not acts(schur):
             continue
@@ -138,31 +141,46 @@ def _judged(
         if at_joints is not None:
             S, h = S + at_joints.precision, h + at_joints.product
         D = _deviations(candidate, deviations[positions])
-        bounds = bounds_of(candidate)
-        theta, deviation, evidence = posterior(S, h, D, *bounds)
-        paid = 2 * np.log(candidate.tried) + candidate.cost * searched + rate * candidate.usual
-        joints = 0.0 if at_joints is None else at_joints.gain(theta)
-        forbidden = beyond_bounds(S + np.diag(D**-2.0), h, theta, *bounds)
-        yield number, Finding(candidate, theta, deviation, evidence - float(paid), joints, forbidden)
+        acting.setdefault(len(h), []).append(_Acting(candidate, at_joints, S, h, D, *bounds_of(candidate)))
+    for each in acting.values():  # as many parameters at once
+        S, h, D, low, high = (np.stack(values) for values in zip(*(one[2:] for one in each), strict=True))
+        for one, theta, deviation, evidence in zip(each, *posterior(S, h, D, low, high), strict=True):
+            candidate = one.candidate
+            paid = 2 * np.log(candidate.tried) + candidate.cost * searched + rate * candidate.usual
+            joints = 0.0 if one.at_joints is None else one.at_joints.gain(theta)
+            forbidden = beyond_bounds(one.S + np.diag(one.D**-2.0), one.h, theta, one.low, one.high)
+            yield Finding(candidate, theta, deviation, float(evidence - paid), joints, forbidden)
 
 
-def posterior(S: Floats, h: Floats, D: Floats, low: Floats, high: Floats) -> tuple[Floats, Floats, float]:
-    """Mean [k] and standard deviations [k] of coefficients, and twice the log Bayes factor against zero.
+class _Acting(NamedTuple):
+    """A candidate that acts, as `posterior` takes it."""
 
-    S [k, k] precision and h [k] product of the likelihood, D [k] deviations of the normal prior, which is truncated
-    to [low, high]. The probability of the bounds is that of independent coefficients; the mean lies within them.
+    candidate: Candidate
+    at_joints: Information | None
+    S: Floats
+    h: Floats
+    D: Floats
+    low: Floats
+    high: Floats
+
+
+def posterior(S: Floats, h: Floats, D: Floats, low: Floats, high: Floats) -> tuple[Floats, Floats, Floats]:
+    """Means [..., k], standard deviations [..., k], and twice the log Bayes factor [...] against zero.
+
+    S [..., k, k] precision and h [..., k] product of the likelihood, D [..., k] deviations of the normal prior, which
+    is truncated to [low, high]. The probability of the bounds is that of independent coefficients; the mean lies within
+    them.
     """
-    A = np.eye(len(D)) + D[:, None] * S * D
-    covariance = D[:, None] * np.linalg.inv(A) * D
-    theta = covariance @ h
-    evidence = float(h @ theta) - float(np.linalg.slogdet(A)[1])
-    deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    A = np.eye(D.shape[-1]) + D[..., :, None] * S * D[..., None, :]
+    covariance = D[..., :, None] * np.linalg.inv(A) * D[..., None, :]
+    theta = (covariance @ h[..., None])[..., 0]
+    deviation = np.sqrt(np.maximum(np.diagonal(covariance, axis1=-2, axis2=-1), 0.0))
+    inside = _log_inside(theta, deviation, low, high) - _log_inside(np.zeros_like(D), D, low, high)
     bounded = np.isfinite(low) | np.isfinite(high)
-    if bounded.any():
-        inside = _log_inside(theta, deviation, low, high) - _log_inside(np.zeros(len(D)), D, low, high)
-        evidence += 2 * float(inside[bounded].sum())
-        theta = within(A / np.outer(D, D), h, theta, low, high)
-    return theta, deviation, evidence
+    evidence = (h * theta).sum(-1) - np.linalg.slogdet(A)[1] + 2 * np.where(bounded, inside, 0.0).sum(-1)
+    for at in map(tuple, np.argwhere(((theta < low) | (theta > high)).any(-1))):
+        theta[at] = within(A[at] / np.outer(D[at], D[at]), h[at], theta[at], low[at], high[at])
+    return theta, deviation, np.asarray(evidence)
 
 
 def beyond_bounds(precision: Floats, h: Floats, theta: Floats, low: Floats, high: Floats) -> float:

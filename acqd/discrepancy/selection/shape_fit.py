@@ -41,6 +41,15 @@ class _Columns:
     open: frozenset[int]
     """Segments."""
 
+    @property
+    def kept(self) -> _Columns:
+        """In the segments whose scenes are kept, if the gate has any: a quarter of an hour determines a shape."""
+        return replace(self, open=self.open & self.design.columns.scenes.kept or self.open)
+
+    def gate(self, gate: Floats) -> Floats:
+        """[blocks] of a gate those in open segments."""
+        return np.asarray(gate * [part.segment in self.open for part in self.design.parts])
+
     def __call__(self, shape: Shape, coefficients: Floats | None = None) -> list[Floats]:
         """[T, parameters] W per unit, per segment: of an effect of that size, or of a small one."""
         count = len(self.place.parameters)
@@ -52,10 +61,11 @@ class _Columns:
         ]
 
     def _rows(self, scene: Scene, shape: Shape, coefficients: Floats | None) -> Floats:
-        mix = np.eye(len(self.place.columns)) if self.place.mix is None else self.place.mix
+        chosen = list(self.place.columns)
+        mix = np.eye(len(chosen)) if self.place.mix is None else self.place.mix
         if coefficients is None:
-            return np.asarray(effect_rows(self.effect, scene, shape)[:, list(self.place.columns)] @ mix)
-        return np.asarray(effect_rows_at(self.effect, scene, shape, self.place.columns, mix @ coefficients) @ mix)
+            return np.asarray(effect_rows(self.effect, scene, shape, chosen) @ mix)
+        return np.asarray(effect_rows_at(self.effect, scene, shape, chosen, mix @ coefficients) @ mix)
 
 
 def fit_shape(rows: Rows, gate: Floats, finding: Finding, detection: Detection | None) -> ShapeFit:
@@ -86,14 +96,24 @@ def at_secant_slope(
 ) -> tuple[Rows, Finding | None]:
     """A candidate whose columns are those of a torque of the fitted size, and rows with them.
 
-    None where the candidate does not act.
+    None where the candidate does not act. Of long recordings, the size is found in the segments whose scenes are kept.
     """
     found = ranked(rows, gate, [own])
-    for _ in range(_SECANT_ITERATIONS if columns.effect.acts_on == "torque" else 0):
-        if found:
-            rows = rows.on(rows.design.with_replaced(own.indices, columns(shape, found[0].coefficients)))
-            found = ranked(rows, gate, [own])
-    return rows, found[0] if found else None
+    if columns.effect.acts_on != "torque" or not found:
+        return rows, found[0] if found else None
+    some = columns.kept
+    if some.open != columns.open:
+        _, at_size = at_secant_slope(rows, some.gate(gate), own, some, shape)
+        size, rounds = (found[0] if at_size is None else at_size).coefficients, 1
+    else:
+        size, rounds = found[0].coefficients, _SECANT_ITERATIONS
+    for _ in range(rounds):
+        rows = rows.on(rows.design.with_replaced(own.indices, columns(shape, size)))
+        found = ranked(rows, gate, [own])
+        if not found:
+            return rows, None
+        size = found[0].coefficients
+    return rows, found[0]
 
 
 def columns_of(design: Design, effect: Effect, place: Place, gate: Floats) -> _Columns:
@@ -108,13 +128,13 @@ def _searched(rows: Rows, gate: Floats, own: Candidate, columns: _Columns) -> tu
 
     All shapes compete at the secant slope of the scanned one: columns of a small effect would draw a large friction
     wrong, and the shape would make up for that. Of long recordings, the search takes the segments whose scenes are
-    kept: a quarter of an hour determines a shape.
+    kept.
     """
     assert own.variant is not None
     name, value = next(iter(own.variant.shape.items()))
     low, high = _between(columns.effect.shapes, name, value, columns.effect.bounds[name])
-    some = replace(columns, open=columns.open & rows.design.columns.scenes.kept or columns.open)
-    among = gate * np.array([part.segment in some.open for part in rows.design.parts])
+    some = columns.kept
+    among = some.gate(gate)
     _, scanned = at_secant_slope(rows, among, own, some, own.variant.shape)
     size = None if scanned is None else scanned.coefficients
 

@@ -13,25 +13,64 @@ _LINK_TORQUES = "torques of bodies on links"
 """Key in `Scene.moved`."""
 
 
-def weight_power(scene: Scene, name: str, points: list[tuple[int, Floats]]) -> list[Floats]:
-    """[N] W each that hold 1 kg at a point [3] m in the frame of a link (from 0) against gravity.
+def weight_torques(scene: Scene, name: str, points: list[tuple[int, Floats]]) -> Floats:
+    """[n, N, axes] Nm that hold 1 kg at each of n points [3] m in the frame of a link (from 0) against gravity.
 
-    The scene keeps their torques under `name`: these depend on the motion only, and effects ask for them often.
+    The scene keeps them under `name`: they depend on the motion only, and effects ask for them often.
     """
     known = scene.moved.setdefault(_LINK_TORQUES, {})
     if name not in known:
         still = np.zeros_like(scene.q)
         known[name] = _torques(scene, [(link, point_mass(point)) for link, point in points], (still, still))
-    return [torque_power(scene, torque) for torque in known[name]]
+    return np.asarray(known[name])
 
 
-def torque_power(scene: Scene, torque: Floats) -> Floats:
-    """[N] W of additional torque [N, axes] Nm at the motors, at the scene's power per torque."""
-    return np.asarray(np.einsum("nj,nj->n", scene.power_per_torque, torque))
+def link_torques(scene: Scene, name: str, bodies: list[tuple[int, Floats]]) -> Floats:
+    """[n, N, axes] Nm of n bodies on links (from 0) with inertial parameters [10]; `name` as in `weight_torques`."""
+    known = scene.moved.setdefault(_LINK_TORQUES, {})
+    if name not in known:
+        known[name] = _torques(scene, bodies)
+    return np.asarray(known[name])
+
+
+def powers(scene: Scene, torques: Floats) -> Floats:
+    """[N, n] W of additional torques [n, N, axes] Nm at the motors, at the scene's power per torque."""
+    return np.asarray(np.einsum("nj,knj->nk", scene.power_per_torque, torques))
+
+
+def point_mass_torque(scene: Scene, reach_m: float) -> Floats:
+    """[N, axes] Nm of 1 kg on the flange's axis, `reach_m` beyond the flange."""
+    constant, linear, square = _quadratic(*_point_masses(scene))
+    return np.asarray(constant + reach_m * linear + reach_m**2 * square)
 
 
 def point_mass_power(scene: Scene, reach_m: float) -> Floats:
-    """[N] W of 1 kg on the flange's axis, `reach_m` beyond the flange.
+    """[N] W of 1 kg on the flange's axis, `reach_m` beyond the flange."""
+    if "point_mass" not in scene.computed:
+        scene.computed["point_mass"] = _quadratic(*powers(scene, _point_masses(scene)).T)
+    constant, linear, square = scene.computed["point_mass"]
+    return np.asarray(constant + reach_m * linear + reach_m**2 * square)
+
+
+def first_moment_torques(scene: Scene, reach_m: float) -> Floats:
+    """[2, N, axes] Nm per kg m of first moment beside the flange's axis, `reach_m` beyond the flange.
+
+    The derivative of a point mass with respect to a shift along each of `across`.
+    """
+    here, beyond = _first_moments(scene)
+    return np.asarray(here + reach_m * (beyond - here))
+
+
+def first_moment_power(scene: Scene, reach_m: float) -> Floats:
+    """[N, 2] W per kg m of first moment beside the flange's axis, `reach_m` beyond the flange."""
+    if "first_moments" not in scene.computed:
+        scene.computed["first_moments"] = [powers(scene, torques) for torques in _first_moments(scene)]
+    here, beyond = scene.computed["first_moments"]
+    return np.asarray(here + reach_m * (beyond - here))
+
+
+def _point_masses(scene: Scene) -> Floats:
+    """[3, N, axes] Nm of 1 kg on the flange's axis 1 m before the flange, at the flange, and 1 m beyond.
 
     A point mass has inertial parameters that are a quadratic polynomial of the reach; three samples determine it.
     """
@@ -39,34 +78,21 @@ def point_mass_power(scene: Scene, reach_m: float) -> Floats:
         chain = scene.model.chain
         samples = [point_mass(chain.beyond_flange(reach)) for reach in (-1.0, 0.0, 1.0)]
         scene.moved["point_masses"] = _last_link_torques(scene, samples)
-    if "point_mass" not in scene.computed:
-        powers = [torque_power(scene, torque) for torque in scene.moved["point_masses"]]
-        polynomial = powers[1], (powers[2] - powers[0]) / 2, (powers[2] + powers[0]) / 2 - powers[1]
-        scene.computed["point_mass"] = polynomial
-    constant, linear, square = scene.computed["point_mass"]
-    return np.asarray(constant + reach_m * linear + reach_m**2 * square)
+    return np.asarray(scene.moved["point_masses"])
 
 
-def first_moment_power(scene: Scene, reach_m: float) -> Floats:
-    """[N, 2] W per kg m of first moment beside the flange's axis, `reach_m` beyond the flange.
+def _quadratic(before: Floats, here: Floats, beyond: Floats) -> tuple[Floats, Floats, Floats]:
+    """Coefficients of 1, x and x^2 from values at -1, 0 and 1."""
+    return here, (beyond - before) / 2, (beyond + before) / 2 - here
 
-    The derivative of a point mass with respect to a shift along each of `across_flange`.
-    """
-    if "first_moments" not in scene.moved:  # linear in the reach: two samples determine them
+
+def _first_moments(scene: Scene) -> Floats:
+    """[2, 2, N, axes] Nm per kg m beside the flange's axis, at the flange and 1 m beyond: linear in the reach."""
+    if "first_moments" not in scene.moved:
         bodies = [body for reach in (0.0, 1.0) for body in first_moments(scene.model.chain, reach)]
         scene.moved["first_moments"] = _last_link_torques(scene, bodies)
-    if "first_moments" not in scene.computed:
-        scene.computed["first_moments"] = [torque_power(scene, torque) for torque in scene.moved["first_moments"]]
-    x, y, x_beyond, y_beyond = scene.computed["first_moments"]
-    return np.column_stack([x + reach_m * (x_beyond - x), y + reach_m * (y_beyond - y)])
-
-
-def link_power(scene: Scene, name: str, bodies: list[tuple[int, Floats]]) -> list[Floats]:
-    """[N] W each of bodies on links (from 0) with inertial parameters [10]; `name` as in `weight_power`."""
-    known = scene.moved.setdefault(_LINK_TORQUES, {})
-    if name not in known:
-        known[name] = _torques(scene, bodies)
-    return [torque_power(scene, torque) for torque in known[name]]
+    torques = scene.moved["first_moments"]
+    return np.asarray(torques.reshape(2, 2, *torques.shape[1:]))
 
 
 def first_moments(chain: Chain, reach_m: float) -> Floats:

@@ -75,6 +75,20 @@ class Effect(ABC):
     def at(self, scene: Scene, shape: Shape) -> Floats:
         """W per unit of each parameter: [N, k] before the supply's lag, or [T, k] for "meter" and "clock"."""
 
+    def torque(self, scene: Scene, shape: Shape, columns: Sequence[int], coefficients: Floats) -> Floats:
+        """[N, axes] Nm at the motors of an effect of torques with the `coefficients` [k] of chosen columns.
+
+        A column is linear in the power per torque: with 1 W/Nm at one joint, it is the torque there.
+        """
+        chosen, memory, torque = list(columns), dict(scene.memory), []
+        for joint in range(scene.axes):
+            scene.memory.clear()
+            scene.memory.update(memory)
+            torque.append(self.at(scene.unit_torque(joint), shape)[:, chosen] @ coefficients)
+        scene.memory.clear()
+        scene.memory.update(memory)
+        return np.column_stack(torque)
+
     @abstractmethod
     def places(self, scene: Scene) -> Iterator[Place]:
         """Places where the effect can act; none for a detected effect. `scene`: any of the recordings."""
@@ -138,13 +152,15 @@ class Effect(ABC):
         return set(self.needs) <= have
 
 
-def effect_rows(effect: Effect, scene: Scene, shape: Shape | None = None) -> Floats:
-    """[T, k] W at the meter per unit parameter, of one shape, or of all shapes side by side.
+def effect_rows(
+    effect: Effect, scene: Scene, shape: Shape | None = None, chosen: Sequence[int] | slice = slice(None)
+) -> Floats:
+    """[T, k] W at the meter per unit parameter of `chosen` columns of one shape, or of all shapes side by side.
 
     The scene's memory is left unchanged, because a scan visits the same rows several times.
     """
     memory = dict(scene.memory)
-    columns = effect.columns(scene) if shape is None else effect.at(scene, shape)
+    columns = (effect.columns(scene) if shape is None else effect.at(scene, shape))[:, chosen]
     scene.memory.clear()
     scene.memory.update(memory)
     if effect.acts_on in ("meter", "clock") or not columns.shape[1]:
@@ -156,8 +172,8 @@ def effect_rows_at(effect: Effect, scene: Scene, shape: Shape, columns: Sequence
     """[T, k] W per unit parameter of chosen columns; times `coefficients` [k], the exact power (secant slope)."""
     chosen = list(columns)
     if effect.acts_on == "torque":
-        scene = scene.with_secant_slope(_torque(effect, scene, shape, chosen, coefficients))
-    return effect_rows(effect, scene, shape)[:, chosen]
+        scene = scene.with_secant_slope(effect.torque(scene, shape, chosen, coefficients))
+    return effect_rows(effect, scene, shape, chosen)
 
 
 def torque_rows_by_joint(
@@ -165,34 +181,21 @@ def torque_rows_by_joint(
 ) -> Floats:
     """[T, axes] W at the meter of an effect of torques, by joint: power is linear in the power per torque."""
     chosen = list(columns)
-    moved = scene.with_secant_slope(_torque(effect, scene, shape, chosen, coefficients))
+    moved = scene.with_secant_slope(effect.torque(scene, shape, chosen, coefficients))
     joints = np.eye(scene.axes)
     rows = [
-        effect_rows(effect, replace(moved, power_per_torque=moved.power_per_torque * joint, computed={}), shape)
+        effect_rows(effect, replace(moved, power_per_torque=moved.power_per_torque * joint, computed={}), shape, chosen)
         for joint in joints
     ]
-    return np.column_stack([each[:, chosen] @ coefficients for each in rows])
+    return np.column_stack([each @ coefficients for each in rows])
 
 
 def drive_power(effect: Effect, scene: Scene, shape: Shape, columns: Sequence[int], coefficients: Floats) -> Floats:
     """[N] W at the drives of an effect of torques with the `coefficients` [k] of chosen columns."""
     chosen = list(columns)
-    moved = scene.with_secant_slope(_torque(effect, scene, shape, chosen, coefficients))
+    moved = scene.with_secant_slope(effect.torque(scene, shape, chosen, coefficients))
     memory = dict(scene.memory)
     power = effect.at(moved, shape)[:, chosen] @ coefficients
     scene.memory.clear()
     scene.memory.update(memory)
     return np.asarray(power)
-
-
-def _torque(effect: Effect, scene: Scene, shape: Shape, columns: list[int], coefficients: Floats) -> Floats:
-    """[N, axes] Nm."""
-    memory = dict(scene.memory)
-    torque = []
-    for joint in range(scene.axes):
-        scene.memory.clear()
-        scene.memory.update(memory)
-        torque.append(effect.at(scene.unit_torque(joint), shape)[:, columns] @ coefficients)
-    scene.memory.clear()
-    scene.memory.update(memory)
-    return np.column_stack(torque)

@@ -13,6 +13,7 @@ from acqd.discrepancy.loads.paths import (
     library,
     likeliest,
     likeliest_in_numpy,
+    viterbi,
 )
 
 
@@ -21,13 +22,17 @@ def drawn(seed, rows):
     return random.normal(0, 2, rows), random.normal(-2, 2, rows), random.normal(-2, 2, rows)
 
 
-@given(st.integers(0, 9999), st.integers(1, 400), st.integers(1, 60))
-def test_c_equals_numpy(seed, rows, dwell):
+@given(st.integers(0, 9999), st.integers(1, 400), st.integers(1, 60), st.sampled_from((-3.0, 0.7, 5.0)))
+def test_c_equals_numpy(seed, rows, dwell, size):
     if library() is None:
         pytest.skip("no C compiler")
-    path = likeliest(*drawn(seed, rows))
-    assert (path == likeliest_in_numpy(*drawn(seed, rows))).all()
-    noisy = np.random.default_rng(seed).random(rows) < 0.5
+    random = np.random.default_rng(seed)
+    white = random.normal(0, 1, (5, rows))
+    white[[1, 3]] **= 2
+    path, same = (find(white, size, 2.0, dwell) for find in (likeliest, likeliest_in_numpy))
+    assert (path.on == same.on).all()
+    assert path[1:] == pytest.approx(same[1:], rel=1e-9, abs=1e-9)
+    noisy = random.random(rows) < 0.5
     assert (lasting(noisy, dwell) == lasting_in_numpy(noisy.copy(), dwell)).all()
 
 
@@ -43,4 +48,4 @@ def test_no_other_path_is_likelier(seed, rows):
         return total
 
     best = max(worth(path) for path in itertools.product((False, True), repeat=rows))
-    assert worth(likeliest(stay, rise, fall).tolist()) == pytest.approx(best)
+    assert worth(viterbi(stay, rise, fall).tolist()) == pytest.approx(best)

@@ -13,13 +13,13 @@ from acqd.discrepancy.regression.design_columns import Candidate, Twin
 from acqd.discrepancy.regression.design_matrix import Design
 from acqd.discrepancy.regression.gram import Indices
 from acqd.discrepancy.regression.least_squares import Column, Regression
+from acqd.discrepancy.regression.scenes import Scenes
 from acqd.discrepancy.selection.detectors import ripple
 from acqd.discrepancy.selection.detectors.rhythm import rhythm
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.models.effects import library
 from acqd.models.effects.effect import Effect, effect_rows
 from acqd.models.effects.places import Shape, Variant
-from acqd.models.effects.scene import Scene
 from acqd.models.effects.substeps import averaged
 from acqd.models.greybox.model import GreyBox
 from acqd.residual.whitening import Whitener
@@ -86,7 +86,7 @@ def detect(design: Design, regression: Regression, gate: Floats, known: set[str]
     if {"rhythm", "bursts"} & set(wanted):
         searches += [(design.whitener, ones, (1,)), (design.slow_whitener, ones, (1,))]
     if "contact" in wanted:
-        searches.append((design.whitener, [_force(wanted["contact"], scene) for scene in scenes], (1, -1)))
+        searches.append((design.whitener, _forces(wanted["contact"], scenes), (1, -1)))
     for whitener, levels, signs in searches:
         search = _Search(design, regression, gate, segments, whitener, levels, signs)
         states = search.states(residuals)
@@ -95,11 +95,14 @@ def detect(design: Design, regression: Regression, gate: Floats, known: set[str]
     return detections
 
 
-def _force(effect: Effect, scene: Scene) -> Floats:
-    """[T] W of a contact force of 1 N that acts all the time."""
-    power = effect_rows(effect, scene, {"share_of_time": 1.0})[:, 0]
-    scene.moved.clear()  # torques of bodies in hours of motion are much larger than what they are needed for
-    return np.asarray(power)
+def _forces(effect: Effect, scenes: Scenes) -> list[Floats]:
+    """[T] W per segment of a contact force of 1 N that acts all the time."""
+    if effect.id not in scenes.levels:
+        levels = scenes.levels[effect.id] = []
+        for scene in scenes:
+            levels.append(effect_rows(effect, scene, {"share_of_time": 1.0})[:, 0])
+            scene.moved.clear()  # torques of bodies in hours of motion are much larger than what they are needed for
+    return scenes.levels[effect.id]
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,9 +196,9 @@ def residuals_of(design: Design, regression: Regression, omit: str = "") -> list
     for number, part in enumerate(design.parts):
         first, last = inside.get(part.segment, (part.rows.start, part.rows.stop))
         inside[part.segment] = min(first, part.rows.start), max(last, part.rows.stop)
-        values = design.values(part.segment, regression.indices, part.rows)
         measured = design.columns.residual[part.segment][part.rows]
-        residuals[part.segment][part.rows] = measured - values @ (beta * regression.gates[:, number])
+        predicted = design.power(part.segment, regression.indices, beta * regression.gates[:, number], part.rows)
+        residuals[part.segment][part.rows] = measured - predicted
     for segment, (first, last) in inside.items():  # rows of unknown motion take the residual of their neighbours
         residuals[segment][:first] = residuals[segment][first]
         residuals[segment][last:] = residuals[segment][last - 1]
@@ -203,9 +206,13 @@ def residuals_of(design: Design, regression: Regression, omit: str = "") -> list
 
 
 def _ripple(design: Design, effect: Effect, residuals: list[Floats], segments: list[int]) -> Detection:
-    scenes = [design.columns.scenes[k] for k in segments]
-    own = [residuals[k] for k in segments]
-    likeliest = ripple.scan(scenes, own, design.whitener)
-    best = ripple.refined(effect, likeliest[0], scenes, own, design.whitener)
-    columns = [effect_rows(effect, scene, best.shape) for scene in design.columns.scenes]
-    return Detection(effect, best.shape, columns, tried=ripple.tried(scenes), refinable=True)
+    """Scanned in all segments; of long recordings, the frequency is refined in those whose scenes are kept."""
+    scenes = design.columns.scenes
+    every = (scenes[k] for k in segments)
+    likeliest, travel = ripple.scan(design.columns.model.axes, every, [residuals[k] for k in segments], design.whitener)
+    some = [k for k in segments if k in scenes.kept] or segments
+    best = ripple.refined(
+        effect, likeliest, travel, [scenes[k] for k in some], [residuals[k] for k in some], design.whitener
+    )
+    columns = [effect_rows(effect, scene, best.shape) for scene in scenes]
+    return Detection(effect, best.shape, columns, tried=travel.tried, refinable=True)

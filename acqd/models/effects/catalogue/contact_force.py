@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from acqd.arrays import Floats
-from acqd.models.effects.bodies import GRAVITY, weight_power
+from acqd.models.effects.bodies import GRAVITY, powers, weight_torques
 from acqd.models.effects.cause import Cause
 from acqd.models.effects.effect import Effect
 from acqd.models.effects.limits import Limits
@@ -46,8 +46,8 @@ class ContactForce(Effect):
         if not shape:
             return np.zeros((len(scene.q), 0))
         flange = [(scene.axes - 1, scene.model.chain.beyond_flange(0.0))]
-        (weight,) = weight_power(scene, "weight at the flange", flange)
-        return shape["share_of_time"] * (-weight / GRAVITY)[:, None]
+        weight = powers(scene, weight_torques(scene, "weight at the flange", flange))
+        return shape["share_of_time"] * (-weight / GRAVITY)
 
     def places(self, scene: Scene) -> Iterator[Place]:
         """No places before detection."""

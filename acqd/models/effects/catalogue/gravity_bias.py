@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from acqd.arrays import Floats
-from acqd.models.effects.bodies import centres_of, link_centres, link_power, moments_about, point_mass, weight_power
+from acqd.models.effects.bodies import (
+    centres_of,
+    link_centres,
+    link_torques,
+    moments_about,
+    point_mass,
+    powers,
+    weight_torques,
+)
 from acqd.models.effects.cause import Cause
 from acqd.models.effects.effect import Effect
 from acqd.models.effects.limits import Limits
@@ -71,11 +79,23 @@ class GravityBias(Effect):
         Then, of the u links below the wrist, W/kg of a mass there, and W/(kg m) of two first moments beside the centre,
         across the joint's axis.
         """
+        return np.concatenate([powers(scene, each) for each in self._torques(scene)], axis=1)
+
+    def torque(self, scene: Scene, shape: Shape, columns: Sequence[int], coefficients: Floats) -> Floats:
+        """From the bodies' torques."""
+        total, place = np.zeros_like(scene.q), 0
+        for torques in self._torques(scene):
+            for column, coefficient in zip(columns, coefficients, strict=True):
+                if place <= column < place + len(torques):
+                    total += coefficient * torques[column - place]
+            place += len(torques)
+        return total
+
+    def _torques(self, scene: Scene) -> tuple[Floats, Floats]:
+        """[axes - 1, N, axes] Nm/kg of weights; [3 u, N, axes] of masses and first moments."""
         centres = link_centres(scene)
-        weights = weight_power(scene, "weights of links", [(k, centres[k]) for k in range(1, scene.axes)])
-        masses = link_power(scene, "masses on links", _bodies(scene.model.chain, centres))
-        none = np.zeros((len(scene.q), 0))  # a machine of one axis has no such link: its only one carries the payload
-        return np.column_stack([none, *weights, *masses])
+        weights = weight_torques(scene, "weights of links", [(k, centres[k]) for k in range(1, scene.axes)])
+        return weights, link_torques(scene, "masses on links", _bodies(scene.model.chain, centres))
 
     def places(self, scene: Scene) -> Iterator[Place]:
         """Links from the second on: a weight; below the wrist also a mass, at the centre or beside the centre."""

@@ -8,7 +8,14 @@ from typing import ClassVar
 import numpy as np
 
 from acqd.arrays import Floats
-from acqd.models.effects.bodies import first_moment_power, first_moments, point_mass, point_mass_power
+from acqd.models.effects.bodies import (
+    first_moment_power,
+    first_moment_torques,
+    first_moments,
+    point_mass,
+    point_mass_power,
+    point_mass_torque,
+)
 from acqd.models.effects.cause import Cause
 from acqd.models.effects.effect import Effect
 from acqd.models.effects.limits import Limits
@@ -55,6 +62,14 @@ class Payload(Effect):
         always = point_mass_power(scene, shape["centre_of_mass_m"])
         tool = scene.signals.get("tool", np.zeros(len(always)))
         return np.column_stack([always, always * tool, first_moment_power(scene, shape["centre_of_mass_m"])])
+
+    def torque(self, scene: Scene, shape: Shape, columns: Sequence[int], coefficients: Floats) -> Floats:
+        """From the bodies' torques."""
+        always, tool, x, y = (float(coefficients[np.array(columns) == k].sum()) for k in range(4))
+        reach_m = shape["centre_of_mass_m"]
+        mass = always + tool * scene.signals["tool"][:, None] if tool else always
+        torque = mass * point_mass_torque(scene, reach_m)
+        return torque + np.tensordot([x, y], first_moment_torques(scene, reach_m), 1) if x or y else torque
 
     def places(self, scene: Scene) -> Iterator[Place]:
         """The flange: on its axis, beside its axis, or on its axis with the tool."""
