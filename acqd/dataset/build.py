@@ -22,8 +22,8 @@ from acqd.dataset.power import PowerStream, open_power, require_fast
 from acqd.dataset.power_values import large_power
 from acqd.dataset.regressors import Regressors, regressors_of
 from acqd.dataset.report import report_writer
-from acqd.dataset.write import write_dataset
 from acqd.dataset.unaligned import clock_doubts
+from acqd.dataset.write import write_dataset
 from acqd.errors import InputError, UserError
 from acqd.report.chain import REPORT, connect
 from acqd.robot.description import RobotDescription, load_description
