@@ -12,29 +12,27 @@ from acqd.metering.packed import State
 _LEAST, _SWINGING = 0.007, 0.022
 """Hz of `Estimate.kink` that are doubted: of a step of f, which puts f off by 10 mHz where noise takes away 3; of a
 swing of f that puts f off by 9 mHz, where the phase is bent all the time."""
-_TIMES_USUAL, _TIMES_GROWTH = 5.0, 6.0
-"""4 and 5 standard deviations of white noise."""
+_TIMES = 5.0
+"""Usual ones: 4 standard deviations of white noise."""
 _MOST = 0.05
 """Hz: more is no noise."""
-_FIRST = 0.006
-"""Hz: usual of an unknown stream."""
 _FEW, _MANY = 2, 25
-"""Windows that `_FIRST` counts as; later windows count as each among so many."""
+"""Windows that an unknown stream has had already, of `_LEAST` each; later windows count as each among so many."""
 
 
 class Bent:
     """Of one stream."""
 
     def __init__(self) -> None:
-        self._usual = self._usual_growth = _FIRST  # Hz
+        self._usual = self._usual_growth = _LEAST  # Hz
         self._known = _FEW
         self.now = False
         """Whether the phase of the last window has a kink."""
 
     def note(self, kink: float, growth: float) -> bool:
         """`now`, of the next window [Hz]; NaN are those of a window without f."""
-        swinging = min(_TIMES_USUAL * self._usual, _SWINGING)
-        self.now = kink > max(_LEAST, growth, swinging, _TIMES_GROWTH * self._usual_growth)
+        swinging = min(_TIMES * self._usual, _SWINGING)
+        self.now = kink > max(_LEAST, growth, swinging, _TIMES * self._usual_growth)
         if kink == kink:
             self._known = min(self._known + 1, _MANY)
             self._usual += (min(kink, _MOST) - self._usual) / self._known

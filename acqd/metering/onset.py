@@ -2,6 +2,9 @@
 
 An interharmonic that sets in moves f before it is known (`sideband`), and a true swing of f looks the same. The f of
 noisy mains always varies a little: only more than that is an onset.
+
+An interharmonic moves f around the truth, so the truth lies among the f that are remembered, or is the f from before.
+An f that is near both is right, whatever the reason.
 """
 
 from __future__ import annotations
@@ -26,6 +29,8 @@ _CALM = 0.0003
 _BEATING = 0.0005
 """Of bend and swell of `Cycles`: an interharmonic far from f has both, a ramp or a swing of f and a step of the voltage
 only one."""
+_WRONG = 0.010
+"""Hz: an f that is off by less is right (IEC 61000-4-30 class A)."""
 _SWELLING = 0.002
 """Of swell: so much is an interharmonic's, whatever the bend; it beats slowly."""
 _ALIKE = 0.4
@@ -59,32 +64,30 @@ UNKNOWN = Cycles(*[math.nan] * 4)
 class Onset:
     """Of one stream."""
 
-    def __init__(self, least_Hz: float, windows: int, fastest_Hz: float, edge: int = 0) -> None:
+    def __init__(self, least_Hz: float, windows: int, fastest_Hz: float, edge: int = 0, known: int = 0) -> None:
         """A spread of f below `least_Hz` is none; after so many windows it is usual; `fastest_Hz`: of a beat.
 
         `edge`: windows in which an interharmonic may begin; it moves their f by more than that of later ones.
+        `known`: windows that show what f is beside an interharmonic, or was before it; 0: nothing shows that.
         """
         self._least_Hz, self._windows, self._fastest_Hz, self._edge = least_Hz, windows, fastest_Hz, edge
+        self._known = known
         self._limit_Hz = least_Hz
         self._varied = 0
-        self._swelled = False
         self.doubted = False
         """Whether f varies unusually, and has for less than the windows."""
 
     def reset(self) -> None:
         """The next windows do not follow the last ones; what is usual stays."""
-        self._varied, self._swelled, self.doubted = 0, False, False
+        self._varied, self.doubted = 0, False
 
     def state(self) -> State:
         """What is known of the stream so far."""
-        return {
-            "limit_Hz": self._limit_Hz, "varied": self._varied, "swelled": self._swelled, "doubted": self.doubted,
-        }  # fmt: skip
+        return {"limit_Hz": self._limit_Hz, "varied": self._varied, "doubted": self.doubted}
 
     def restore(self, state: State) -> None:
         """Go on where `state` was taken."""
         self._limit_Hz, self._varied, self.doubted = state["limit_Hz"], state["varied"], state["doubted"]
-        self._swelled = state.get("swelled", False)
 
     def note(
         self, spread_Hz: float, f: Collection[float], magnitude: Collection[float], cycles: Cycles = UNKNOWN, *,
@@ -92,7 +95,7 @@ class Onset:
     ) -> None:  # fmt: skip
         """One more window: how much the remembered f vary, and whether a known interharmonic is why."""
         if explained:
-            self.reset()
+            self._varied, self.doubted = self._edge, False  # it has begun long ago
         elif spread_Hz < self._limit_Hz:
             self.reset()
             self._limit_Hz = max(self._least_Hz, _MORE * spread_Hz, self._limit_Hz * _REMEMBERED)
@@ -101,12 +104,20 @@ class Onset:
             few, edge = self._varied < self._windows, self._varied <= self._edge
             if edge:
                 swerve = max(cycles.bend, cycles.swell)
-                self._swelled |= cycles.swell > _CALM  # f itself does not change the magnitude
-                self.doubted = self._swelled or not (swerve < _CALM and spread_Hz > _MOVED * swerve)
+                self.doubted = not (swerve < _CALM and spread_Hz > _MOVED * swerve)
             else:
                 self.doubted = few and (cycles.beat or self._movable(f, magnitude))
+            self.doubted = self.doubted and not self._right(list(f))
             if self._varied >= self._windows:
                 self._limit_Hz = _MORE * spread_Hz
+
+    def _right(self, f: list[float]) -> bool:
+        """Whether the last f [Hz] is right even where an interharmonic moves it."""
+        if not self._known or len(f) < self._known:
+            return False
+        last, before = f[-1], f[: len(f) - self._varied]
+        among_all = max(max(f) - last, last - min(f)) < _WRONG
+        return among_all or (len(before) >= self._known and abs(last - statistics.median(before)) < _WRONG / 2)
 
     def _movable(self, f: Collection[float], magnitude: Collection[float]) -> bool:
         """Whether an interharmonic may be why these f [Hz] differ, by how much their magnitudes do, and when.

@@ -68,7 +68,7 @@ class Sideband:
         self.beating = False
         """Whether an interharmonic moved f in the last window."""
         self._lost = False  # it did in the window before, and cannot be found in the last one
-        self._onset = Onset(SPREAD, lengths[-1], FASTEST / window_s, edge=2)
+        self._onset = Onset(SPREAD, lengths[-1], FASTEST / window_s, edge=2, known=lengths[0])
 
     @property
     def unsettled(self) -> bool:
@@ -114,7 +114,9 @@ class Sideband:
             self.reset()
             return None
         self._bent.append(not steady)
-        if not steady and self._f and sum(self._bent) <= _JUMPS:
+        if not steady and sum(self._bent) <= _JUMPS:
+            if not self._f:
+                return None  # nothing is known yet: f of a jump says nothing
             f, magnitude = self._f[-1], self._magnitude[-1]
         self._f.append(f)
         self._magnitude.append(magnitude)

@@ -15,6 +15,8 @@ from acqd.sources.recording.channel import Channel, Column, Recording
 from acqd.sources.waveform import MOST_BYTES, QUANTITIES, ChannelMap
 
 _FULL_SCALE = 32768
+_BEYOND = 2.0
+"""Times full scale that a recording of floating-point numbers may reach."""
 _LOOK = 8_192
 """Samples whose strongest line shows the order of the channels."""
 _NEAR_deg = 10.0
@@ -47,6 +49,7 @@ def load(path: Path, given: ChannelMap) -> Recording:
         raise InputError(path, f"has {count} channels; say which are which with --map u1=0,i1=1 ...")
     if given.columns is None:
         _refuse_other_order(path, values)
+    notes += [] if exact else _beyond_full_scale(values)
     names = [*QUANTITIES[:count], *(f"channel {k}" for k in range(6, count))] if given.columns is None else [""] * count
     channels = [Channel(name) for name in names]
 
@@ -55,6 +58,13 @@ def load(path: Path, given: ChannelMap) -> Recording:
 
     kind = f"{path.suffix[1:].upper()}, {'16 bits' if exact else 'wider than 16 bits'}"
     return Recording(path, kind, channels, len(values), column, rate, notes=notes, noun="channel")
+
+
+def _beyond_full_scale(values: NDArray[Any]) -> list[str]:
+    largest = float(np.abs(values).max())
+    if largest <= _BEYOND:
+        return []
+    return [f"its samples reach {largest:.4g} times full scale: are they V and A? Then --u-scale 1 --i-scale 1"]
 
 
 def _refuse_other_order(path: Path, values: NDArray[Any]) -> None:

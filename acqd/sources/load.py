@@ -53,6 +53,8 @@ _ELSEWHERE = {
     ".xls": "spreadsheets are not read; save the sheet as CSV",
 }
 """Files of instruments without a reader, and what to export instead."""
+_PACKED = {b"\x1f\x8b": "gzip", b"PK\x03\x04": "ZIP", b"BZh": "bzip2", b"\xfd7zXZ": "xz", b"\x28\xb5\x2f\xfd": "zstd"}
+"""First bytes of compressed files."""
 
 
 def load_waveform(path: Path, given: ChannelMap | None = None) -> Waveform:
@@ -77,6 +79,10 @@ def load_recording(path: Path, given: ChannelMap) -> Recording:
     if path.stat().st_size == 0:
         raise InputError(path, "is empty")
     try:
+        with path.open("rb") as file:
+            packed = next((name for mark, name in _PACKED.items() if file.peek(8).startswith(mark)), "")
+        if packed and ending != ".npz":
+            raise InputError(path, f"is compressed ({packed}); unpack it first")
         recording: Recording = import_module(f"acqd.sources.{module}").load(path, given)
     except PermissionError:
         raise InputError(path, "may not be read by this user; check its permissions") from None

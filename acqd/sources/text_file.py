@@ -67,5 +67,5 @@ def decode(path: Path, content: bytes, encoding: str | None) -> str:
 
 
 def _refuse_binary(path: Path, content: bytes) -> None:
-    if b"\0" in content:
+    if b"\0" in content.rstrip(b"\0"):  # at the end: blocks that a logger had reserved
         raise InputError(path, "is not text; if it is UTF-16, say so with --encoding utf-16")

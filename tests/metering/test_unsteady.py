@@ -154,3 +154,14 @@ def test_steps_of_the_load_are_no_transients():
     codes[8_100:, 0] *= 0.99
     (batch,) = metered(np.rint(codes).astype(np.int16))
     assert not transient(batch).any() and np.abs(batch.f - 50)[1:].max() < 0.010
+
+
+def test_after_a_dip_f_is_settled_at_once():
+    t = (np.arange(32_000) + 0.5) / RATE
+    turns = 49.83 * t + 0.03 * ((t >= 0.77) & (t < 0.93))
+    codes = codes_of(turns, 1).astype(float)
+    codes[:, 0] *= np.where((t >= 0.77) & (t < 0.93), 0.4, 1)
+    (batch,) = metered(np.rint(codes).astype(np.int16))
+    doubted = np.array([bool(flags & {"transient", "unsettled"}) for flags in batch.flags[0]])
+    assert doubted[19] and not doubted[1:19].any()
+    assert not doubted[26:].any() and np.abs(batch.f[26:] - 49.83).max() < 0.010

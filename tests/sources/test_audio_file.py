@@ -62,3 +62,11 @@ def test_pairs_of_one_phase_with_a_reversed_clamp_stay_pairs(tmp_path, u2):
     wave = np.sin(2 * np.pi * 50 * np.arange(8_000) / 8_000)
     soundfile.write(tmp_path / "a.wav", np.outer(wave, [0.8, -0.4, u2, 0.4]), 8_000, subtype="PCM_16")
     assert load_waveform(tmp_path / "a.wav", ChannelMap(u_scale=400.0, i_scale=10.0)).form.phases == 2
+
+
+@pytest.mark.parametrize(("largest", "asked"), [(325.0, True), (1.3, False)])
+def test_floats_far_beyond_full_scale_are_asked_about(tmp_path, largest, asked):
+    path, t = tmp_path / "a.wav", np.arange(4_000) / 10_000
+    soundfile.write(path, largest * np.cos(2 * np.pi * 50 * np.stack((t, t), 1)), 10_000, subtype="FLOAT")
+    notes = load_waveform(path, ChannelMap(u_scale=400.0, i_scale=10.0)).notes
+    assert any("times full scale: are they V and A?" in note for note in notes) == asked

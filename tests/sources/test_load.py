@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import os
 
 import pytest
@@ -35,4 +36,11 @@ def test_unreadable_file(tmp_path):
     path.write_text("x")
     path.chmod(0)
     with pytest.raises(InputError, match="permissions"):
+        load_waveform(path)
+
+
+def test_compressed_files_are_named(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_bytes(gzip.compress(b"time,u1,i1\n0,1,2\n"))
+    with pytest.raises(InputError, match=r"is compressed \(gzip\); unpack it first"):
         load_waveform(path)

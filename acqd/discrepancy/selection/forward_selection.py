@@ -21,7 +21,7 @@ from acqd.discrepancy.selection.placing import placed, selected, without
 from acqd.discrepancy.selection.ranking import Rows, ranked
 from acqd.discrepancy.selection.session_columns import with_sessions
 from acqd.discrepancy.selection.spread import logs_in_question, variance_of_sessions
-from acqd.discrepancy.selection.step import State, Step, led_by
+from acqd.discrepancy.selection.step import State, Step, led_by, taken
 from acqd.discrepancy.selection.supply_response import with_loaded_laws
 
 
@@ -161,7 +161,8 @@ def _explained_by_law(doubt: Doubt, limits: Limits) -> float:
 def _settled(state: State) -> State:
     """Beside all others: without effects that later ones made superfluous, the others at the fewest places (ADR 26).
 
-    Before a payload has its name, the friction of every joint explains a part of it.
+    Before a payload has its name, the friction of every joint explains a part of it. An effect that another one leads
+    by now gives its place to that one: the order in which effects were selected decides nothing.
     """
     for each in state.effects:
         others = tuple(other for other in state.effects if other.key != each.key)
@@ -172,6 +173,13 @@ def _settled(state: State) -> State:
         if not again or again[0].evidence <= margin(rows, gate, again[0], [], state.kinds):
             state = _with_effects(state, others)
             continue
+        pool = [c for c in rows.design.columns.candidates if c.id and not taken(c, others)]
+        best = next(iter(ranked(rows, gate, pool)), again[0])
+        ahead = best.candidate.id != each.id and best.evidence > again[0].evidence
+        exchanged = _exchanged(state, each, again[0].evidence) if ahead else None
+        if exchanged is not None:
+            state = exchanged
+            continue
         same = ranked(rows, gate, [c for c in rows.design.columns.candidates if c.id == each.id])
         fit = None if not same else placed(rows, gate, same[0], same, state.kinds, None)
         if fit is not None and fit.finding.candidate.label != each.finding.candidate.label:
@@ -180,3 +188,13 @@ def _settled(state: State) -> State:
             moved = replace(moved, disagreeing=each.disagreeing)
             state = _with_effects(state, tuple(moved if other.key == each.key else other for other in state.effects))
     return state
+
+
+def _exchanged(state: State, each: Selected, evidence: float) -> State | None:
+    """With the effect that leads in the place of `each` and has more evidence; None without one."""
+    step = Step.of(_with_effects(state, tuple(other for other in state.effects if other.key != each.key)))
+    if step is None or step.leader is None or step.leader.finding.evidence <= evidence:
+        return None
+    rows, leader = step.accepted()
+    state = replace(state, rows=rows, steps=(*state.steps, step.table))
+    return _with_effects(state, tuple(leader if other.key == each.key else other for other in state.effects))

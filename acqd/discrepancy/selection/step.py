@@ -86,7 +86,7 @@ class Step:
         rows, detections, detected = _with_detections(state)
         usual = {each.id or each.where for each in state.usual}
         free = [c for c in rows.design.columns.candidates if (c.id or c.label) not in usual]
-        pool = [c for c in free if not _taken(c, state.effects)]
+        pool = [c for c in free if not taken(c, state.effects)]
         gate, findings = _likeliest(rows, state, pool)
         findings += ranked(rows, state.gates[0].open, detected)
         if not findings:
@@ -197,7 +197,7 @@ def led_by(table: tuple[Hypothesis, ...], leader: Finding | None) -> tuple[Hypot
     return tuple(map(row, table))
 
 
-def _taken(candidate: Candidate, effects: tuple[Selected, ...]) -> bool:
+def taken(candidate: Candidate, effects: tuple[Selected, ...]) -> bool:
     """Whether a selected effect has some of the candidate's columns already."""
     if not candidate.id or candidate.variant is None:
         return False

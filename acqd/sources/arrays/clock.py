@@ -49,6 +49,7 @@ def set_clock(
     seconds, quantum, stamped = _seconds(path, times[0])
     clock = of_times(path, seconds, quantum, given, 0)
     recording.rate, recording.notes = clock.rate, [*recording.notes, *clock.notes]
+    recording.breaks = list(clock.breaks)
     if recording.start_utc_ns is None:
         recording.start_utc_ns = stamped if stamped is not None else clock.start_utc_ns
     if said and clock.rate and abs(said / clock.rate - 1) > _SAME_RATE:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,12 @@ SAMPLES = ("values", "value", "data", "y", "samples")
 """Fields of a struct whose unit the field `unit` is."""
 _MISSING = ("_FillValue", "missing_value")
 """Attributes of values that stand for missing samples (CF conventions); alternating quantities pass 0."""
-_UNUSED = ("scale", "gain", "factor", "multiplier", "calibration", "range")
+_FACTOR = re.compile(
+    r"(?i)scale|gain|factor|multipl|calibrat|^range$|conver|slope|coeff|sensitiv|resolution|ratio|lsb|exponent|per_?digit"
+)
+_OFFSET = re.compile(r"(?i)offset|intercept|bias")
+_COEFFICIENTS = 4
+"""Of a polynomial, at most."""
 _MOST = 10_000  # datasets
 _ADVICE = "store the arrays as datasets time, u1, i1 ..., with an attribute unit"
 
@@ -119,16 +125,30 @@ def _add(contents: Contents, path: Path, name: str, dataset: Any, unit: str) -> 
         return
     _numbers_of(contents, f"{name}/", dataset.attrs)
     scale, offset = (scalar(dataset.attrs.get(key, [])) for key in ("scale_factor", "add_offset"))
-    unused = [key for key in dataset.attrs if key.lower() in _UNUSED and scalar(dataset.attrs[key]) not in (None, 1.0)]
+    unused = [
+        key for key in dataset.attrs if key not in ("scale_factor", "add_offset") and scales(key, dataset.attrs[key])
+    ]
     if unused:
-        contents.notes.append(
-            f"{name} has an attribute {unused[0]}, which is not applied: its meaning is not standard (--u-scale, "
-            "--i-scale)"
-        )
+        contents.notes.append(not_applied(name, f"an attribute {unused[0]}"))
     contents.add(
         name, dataset.shape, _reader(path, name), _unit(dataset.attrs) or unit,
         scale=1.0 if scale is None else scale, offset=offset or 0.0, unapplied=bool(unused),
     )  # fmt: skip
+
+
+def scales(key: str, value: Any) -> bool:
+    """Whether an attribute or a field beside samples is a factor or an offset that may still have to be applied."""
+    listed = np.asarray(value).reshape(-1)
+    if listed.dtype.kind not in "iuf" or not 0 < listed.size <= _COEFFICIENTS or not np.isfinite(listed).all():
+        return False
+    if _OFFSET.search(key):
+        return bool(listed.any())
+    return bool(_FACTOR.search(key)) and listed.tolist() not in ([1], [0, 1], [1, 0])
+
+
+def not_applied(name: str, what: str) -> str:
+    """A remark about such a factor."""
+    return f"{name} has {what}, which is not applied: its meaning is not standard (--u-scale, --i-scale)"
 
 
 def _reader(path: Path, name: str, column: str | None = None) -> Any:

@@ -101,6 +101,9 @@ def _add_struct(contents: Contents, name: str, struct: Any, depth: int) -> None:
     fields = {field: getattr(struct, field) for field in struct._fieldnames}
     label = _text(fields.get("label", "")) or _text(fields.get("name", ""))
     unit = next((_text(value) for field, value in fields.items() if field.lower() in hdf5.UNITS), "")
+    scaled = next((field for field, value in fields.items() if hdf5.scales(field, value)), "")
+    if scaled and any(field.lower() in hdf5.SAMPLES for field in fields):
+        contents.notes.append(hdf5.not_applied(name, f"a field {scaled}"))
     for field, value in fields.items():
         own = label if label and field.lower() in ("values", "data") else f"{name}/{field}"
         _add(contents, own, value, depth + 1, unit if field.lower() in hdf5.SAMPLES else "")

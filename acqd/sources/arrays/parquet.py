@@ -71,13 +71,15 @@ def _arrow(path: Path, contents: Contents) -> None:
 
 
 def _add(contents: Contents, schema: Any, rows: int, column: Any) -> None:
-    """Numeric columns and those of time stamps."""
+    """Numeric columns and those of times."""
     from pyarrow import types
 
     for one in schema:
         metadata = one.metadata or {}
         unit = next((metadata[key].decode(errors="replace") for key in (b"unit", b"units") if key in metadata), "")
-        if types.is_timestamp(one.type) or types.is_integer(one.type) or types.is_floating(one.type):
+        if types.is_duration(one.type):
+            contents.add("time", (rows,), partial(_numbers, column, one.name), "s")
+        elif types.is_timestamp(one.type) or types.is_integer(one.type) or types.is_floating(one.type):
             name = "time" if types.is_timestamp(one.type) else one.name
             contents.add(name, (rows,), partial(_numbers, column, one.name), unit)
 
@@ -89,4 +91,6 @@ def _numbers(read: Any, name: str) -> Any:
     column = read(name)
     if types.is_timestamp(column.type):
         return column.cast("timestamp[ns]").to_numpy()
+    if types.is_duration(column.type):
+        return column.cast("duration[ns]").to_numpy().astype(np.int64) * 1e-9
     return np.asarray(column.to_numpy())

@@ -21,6 +21,8 @@ _VOLTS = 2.0
 """Of the nominal voltage: no supply holds more for a second (EN 50160: swells below 1.2 kV stay under 1.7)."""
 _TINY_V = 1e-3
 """No meter resolves less, and a dead phase reads 0 or some volts."""
+_NOTHING = 1e-20
+"""Of any unit: floats of a register with their halves exchanged are smaller, and nothing that a meter measures."""
 _HERTZ = (40.0, 70.0)
 _PF = 1.05
 _PF_BELOW = 0.15
@@ -128,6 +130,8 @@ class RoundJudge:
 
     def _impossible(self, name: str, value: float) -> bool:
         kind = name.rpartition(".")[2]
+        if 0 < abs(value) < _NOTHING:
+            return True
         if kind == "Vrms":
             tiny = 0 < abs(value) < _TINY_V  # half of the bits of a number, in the wrong place
             return tiny or not -1e-9 <= value <= _VOLTS * self.nominal_voltage
@@ -181,14 +185,20 @@ class RoundJudge:
 
 
 def _drop_power_factor(channel: str, known: dict[str, float | None]) -> None:
-    """|PF| is not below |P| / S, and not many times above it: then nobody knows whether P or PF is wrong."""
+    """|PF| is not below |P| / S, and not many times above it: then nobody knows whether P or PF is wrong.
+
+    Of a phase without S, V x I stands for it, which may be what is wrong.
+    """
     P, S, PF = (known.get(f"{channel}.{name}") for name in ("P", "S", "PF"))
+    doubtful = ["P", "PF"]
+    if f"{channel}.S" not in known and channel != "total":
+        S, doubtful = _product(channel, known), ["P", "PF", "Irms"]
     if P is None or PF is None or S is None or abs(S) < 4 * _SMALL_VA:
         return
     if abs(PF) < abs(P / S) - _PF_BELOW:
         known[f"{channel}.PF"] = None
     elif abs(PF) > _PF_BELOW and abs(PF) > _PF_ABOVE * abs(P / S):
-        known[f"{channel}.P"] = known[f"{channel}.PF"] = None
+        known |= {f"{channel}.{name}": None for name in doubtful}
 
 
 def _drop_total(known: dict[str, float | None]) -> None:

@@ -16,6 +16,8 @@ _JITTER = 0.01  # of one period: a larger deviation is not an equidistant record
 _COARSE = 1e-4  # resolution of the times over their span: beyond it they do not tell the rate
 _EARLIEST_S = 946_684_800.0  # 2000-01-01: a time column before it counts from something else than 1970
 _DAY_S = 86_400.0
+_PAUSE = 1.5  # steps between two rows, from which on samples are missing there
+_ROWS = 50  # rows per pause, at least: what pauses more often is no waveform
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,6 +27,8 @@ class Clock:
     rate: float | None
     start_utc_ns: int | None
     notes: tuple[str, ...] = ()
+    breaks: tuple[tuple[int, int], ...] = ()
+    """Sample before which samples are missing, and how many."""
 
 
 def of_times(path: Path, times: Floats, quantum: float, given: ChannelMap, first_row: int) -> Clock:
@@ -61,6 +65,8 @@ def of_times(path: Path, times: Floats, quantum: float, given: ChannelMap, first
     slack = max(_JITTER * period, 1.01 * quantum, 2 * np.spacing(abs(times[-1])), 1.1e-6 if start else 0.0)
     expected = times[0] + period * np.arange(len(times))
     uneven = np.flatnonzero(np.abs(times - expected) > slack + 0.5 * abs(period) * _JITTER)
+    if len(uneven) and not coarse and (pauses := _pauses(times, step, slack)):
+        return Clock(pauses.rate, start, (*notes, *pauses.notes), pauses.breaks)
     if len(uneven):
         # From row to row: against the even grid, a missing row shifts all others.
         row = int(np.argmax(np.abs(np.diff(times) - step))) + 1
@@ -70,6 +76,29 @@ def of_times(path: Path, times: Floats, quantum: float, given: ChannelMap, first
             f"before, expected an equidistant step of {step:.6g} s; resample it, or give --rate to overrule the column",
         )
     return Clock(float(1 / period), start, notes)
+
+
+def _pauses(times: Floats, step: float, slack: float) -> Clock | None:
+    """Of times that are equidistant but for some pauses: a logger that lost rows, or segments of a recorder."""
+    steps = np.diff(times)
+    at = np.flatnonzero(steps > _PAUSE * step) + 1
+    if not at.size or at.size * _ROWS > len(times) or step <= 0:
+        return None
+    edges = [0, *at.tolist(), len(times)]
+    lengths = np.diff(edges)
+    longest = int(np.argmax(lengths))
+    begin, end = edges[longest], edges[longest + 1]
+    period = float(times[end - 1] - times[begin]) / max(end - 1 - begin, 1)
+    grid = np.concatenate([period * np.arange(n) for n in lengths])
+    if np.abs(times - np.repeat(times[edges[:-1]], lengths) - grid).max() > slack + 0.5 * _JITTER * period:
+        return None
+    lost = np.maximum(np.rint(steps[at - 1] / period).astype(int) - 1, 1)
+    row, missing_s = int(at[0]), float(steps[at[0] - 1])
+    note = (
+        f"its times pause {at.size} time{'s' if at.size > 1 else ''} (first before sample {row + 1}, for "
+        f"{missing_s:.4g} s): a gap in the rows"
+    )
+    return Clock(1 / period, None, (note,), tuple(zip(at.tolist(), lost.tolist(), strict=True)))
 
 
 def _in_pairs(times: Floats) -> bool:

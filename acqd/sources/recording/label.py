@@ -14,6 +14,8 @@ from acqd.sources.recording.channel import UNKNOWN, Kind, Letter
 
 FAMILIES = {"abc": "abc", "123": "123", "rst": "rst", "ryb": "ryb", "uvw": "uvw"}
 """Letters of the phases L1, L2, L3."""
+AMPERES = "amperes"
+"""Family of A1 A2 A3, the currents of Chauvin Arnoux, which are inputs of others where one of them is missing."""
 
 
 def _set(words: str) -> frozenset[str]:
@@ -191,13 +193,13 @@ def _designated(words: list[str], quantity: Letter) -> list[Reading]:
             taken = max(taken, at + used)
             group = " ".join(w for w in (*words[:at], reading.group, *words[at + used :]) if w and w not in _NEUTRAL)
             group = " ".join(w for w in group.split() if w not in ("u", "v", "i"))
-            letter: Letter = reading.quantity or quantity or _before(words[:at])
+            letter: Letter = reading.quantity or quantity or _first(words[:at]) or _first(words[at + used :])
             found.append(Reading(reading.kind, letter, reading.family, reading.phases, group))
     strong = [one for one in found if one.quantity]
     return list(dict.fromkeys(strong or found))
 
 
-def _before(words: list[str]) -> Letter:
+def _first(words: list[str]) -> Letter:
     return next((_QUANTITY[word] for word in words if word in _QUANTITY), UNKNOWN)
 
 
@@ -217,6 +219,8 @@ def _word(word: str, quantity: str, rest: list[str]) -> list[Reading]:
         if pair and pair["a"] != pair["b"] and (pair["quantity"] or quantity or plain):
             phases = (letters.index(pair["a"]) + 1, letters.index(pair["b"]) + 1)
             found.append(Reading("line", _letter(pair["quantity"]), family, phases, pair["before"] + pair["after"]))
+        if family == "123" and not quantity and re.fullmatch("a[123]", word):
+            found.append(Reading("phase", "i", AMPERES, (int(word[1]),)))
         if single is None or (family == "123" and single["before"]):
             continue
         named = single["quantity"] or re.match(r"^(l|ph)", word) or re.fullmatch(rf"{d}[neg]?", word)

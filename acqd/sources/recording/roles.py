@@ -12,7 +12,7 @@ from dataclasses import replace
 from typing import TypeAlias
 
 from acqd.sources.recording.channel import UNKNOWN, Channel, Letter, Role
-from acqd.sources.recording.label import Reading, phase_field, readings, says_a_quantity_alone
+from acqd.sources.recording.label import AMPERES, Reading, phase_field, readings, says_a_quantity_alone
 from acqd.sources.recording.units import UnknownUnitError, unit_of
 
 _ALONE = ("abc", "123")
@@ -28,6 +28,7 @@ def roles_of(channels: list[Channel]) -> list[Role]:
     if any(re.search(r"(?i)[uv]l?(11|22|33)$", channel.name.strip()) for channel in channels):
         candidates = [[one for one in found if (one.kind, one.family) != ("line", "123")] for found in candidates]
     whole = _whole(candidates)
+    candidates = [[one for one in found if one.family != AMPERES or _key(one) in whole] for found in candidates]
     roles = [_role(channel, found, whole) for channel, found in zip(channels, candidates, strict=True)]
     roles = [_not_sequence(role, roles) for role in roles]
     return _only_ones(channels, roles)

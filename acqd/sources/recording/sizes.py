@@ -66,7 +66,7 @@ def hints(
             listed, most = ", ".join(names[k] for k in large), rms[large].max()
             found.append(f"{listed}: {most:.3g} {unit}, more than any network has; is the scale wrong {ask}")
     volts = rms[0::2]
-    if len(names) == 6 and _SECONDARY_V[0] < volts.min() and volts.max() < _SECONDARY_V[1]:
+    if _SECONDARY_V[0] < volts.min() and volts.max() < _SECONDARY_V[1]:
         found.append(
             f"{', '.join(names[0::2])}: {volts.mean():.4g} V, as behind voltage transformers of 100 to 120 V; are "
             "these values secondary, without a ratio (--u-scale, --i-scale)?"

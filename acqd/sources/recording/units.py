@@ -37,6 +37,8 @@ _OTHER_TAILS = frozenset(("va", "kva", "var", "kvar", "w", "kw", "hz", "khz", "p
 """Those that are units also behind a name without brackets: `u1_pu`."""
 TIME_NAMES = ("time", "t", "zeit", "temps", "tiempo", "tempo", "x", "x-axis", "time axis", "timestamp", "seconds")
 """Names of a time column."""
+CLOCK_NAMES = {"millis": 1e-3, "micros": 1e-6}
+"""Clocks of microcontrollers that name a time column, and seconds per unit."""
 _NONE = frozenset(("", "-", "--", "none", "n/a", "na", "1", "x", "?"))
 
 

@@ -16,7 +16,7 @@ from acqd.errors import InputError
 from acqd.sources.recording.channel import Channel, Column, Recording
 from acqd.sources.recording.clock import Clock, of_times
 from acqd.sources.recording.siblings import skew
-from acqd.sources.recording.units import TIME_NAMES, UnknownUnitError, unit_of
+from acqd.sources.recording.units import CLOCK_NAMES, TIME_NAMES, UnknownUnitError, unit_of
 from acqd.sources.text import clock
 from acqd.sources.text.layout import Layout, key_of
 from acqd.sources.text.table import HEAD_LINES, Table, factors, is_number, split_row
@@ -28,6 +28,8 @@ _EVEN = 0.01
 """Of a step: how far the steps of a column without a name may be from each other to be those of times."""
 _TIME_STEPS_S = (1e-8, 5e-3)
 _MOST_CODE = 2**24
+_LOOKED, _LEVELS = 10_000, 16
+"""Rows in which a channel of codes has more different values."""
 _CODE_SCALE = re.compile(r"verticalscale|voltsdiv|voltsperdiv|vertscale|vscale")
 """Lines of oscilloscopes that say V for a division: beside whole numbers these are codes of the converter."""
 _INDEX = ("sequence", "index", "sample", "samples", "no", "nr", "n", "point", "points", "number", "xindex")
@@ -39,6 +41,14 @@ class Text:
 
     def __init__(self, path: Path, encoding: str) -> None:
         self.path, self._encoding = path, encoding
+        self.torn = False
+        """Whether the last line is left out: nobody ended it."""
+
+    def ends_torn(self) -> bool:
+        """Whether the last line has no end."""
+        with self.path.open("rb") as file:
+            file.seek(-1, 2)
+            return file.read(1) not in b"\r\n"
 
     def head(self) -> list[str]:
         """The first lines."""
@@ -56,7 +66,13 @@ class Text:
         """All lines. Raises InputError for bytes that are no text."""
         try:
             with self.path.open(encoding=self._encoding) as file:
-                yield from file
+                last = ""
+                for line in file:
+                    if last:
+                        yield last
+                    last = line
+                if last and not self.torn:
+                    yield last
         except UnicodeError:
             raise InputError(self.path, f"is not text in {self._encoding}; give its encoding with --encoding") from None
 
@@ -111,15 +127,17 @@ class Export:
             )
             start = said.start_utc_ns if said.start_utc_ns is not None else found.start_utc_ns
             doubt = () if given.rate else self._other_rate(found.rate, said.rate, times[0])
-            found = Clock(said.rate, start, (*found.notes, *said.notes, *doubt))
+            found = Clock(said.rate, start, (*found.notes, *said.notes, *doubt), said.breaks)
         elif times:
             found = self._of_stamps(times, given, found)
-        recording.rate, recording.start_utc_ns = found.rate, found.start_utc_ns
+        recording.rate, recording.start_utc_ns, recording.breaks = found.rate, found.start_utc_ns, list(found.breaks)
         recording.notes += found.notes
         recording.notes += [
             f"its header has a factor that is not applied: {text} (--u-scale and --i-scale apply one)"
             for text in factors(self.table)
         ]
+        if self.text.torn:
+            recording.notes.append("its last row is cut off: left out")
         if self.table.started:
             recording.notes.append(
                 f"rows without a number in each channel at its beginning: {self.table.started} left out"
@@ -179,8 +197,8 @@ class Export:
             key = key_of(names[k])
             if key in _INDEX or key_of(units[k]) in _INDEX or not is_number(first[k], self.table.decimal):
                 continue
-            if unit is not None or key in _TIMES:
-                found[k] = unit or 1.0
+            if unit is not None or key in _TIMES or key in CLOCK_NAMES:
+                found[k] = unit or CLOCK_NAMES.get(key, 1.0)
         return found
 
     def _set_skews(self, recording: Recording, needed: list[int]) -> None:
@@ -258,17 +276,25 @@ class Export:
         return 10.0**-digits
 
     def _refuse_codes(self, needed: list[int], given: ChannelMap) -> None:
-        """Raises InputError for whole numbers in all channels of an oscilloscope that says V for a division."""
-        scaled = next((key for key in self.table.preamble if _CODE_SCALE.search(key)), "")
-        if not scaled or not needed or given.u_scale is not None or given.i_scale is not None:
+        """Raises InputError for whole numbers in all channels, without a unit or beside volts per division."""
+        if not needed or given.u_scale is not None or given.i_scale is not None:
             return
         columns = [self.values[k] for k in needed]
-        whole = all((one == np.rint(one)).all() and np.abs(one).max() < _MOST_CODE for one in columns)
-        if whole and all(np.gcd.reduce(one.astype(np.int64)) == 1 for one in columns):
+        if not all((one == np.rint(one)).all() and np.abs(one).max() < _MOST_CODE for one in columns):
+            return
+        scaled = next((key for key in self.table.preamble if _CODE_SCALE.search(key)), "")
+        if scaled and all(np.gcd.reduce(one.astype(np.int64)) == 1 for one in columns):
             raise InputError(
                 self.text.path,
                 f"its channels hold whole numbers beside {scaled!r}, as codes of a converter; export volts (GW "
                 "Instek: Detail), or say with --u-scale and --i-scale what a code is (vertical scale / 25)",
+            )
+        resolved = max(len(np.unique(one[:_LOOKED])) for one in columns) > _LEVELS
+        if resolved and not any(self.table.units[k] for k in needed):
+            raise InputError(
+                self.text.path,
+                "its channels hold whole numbers and no unit, as codes of a converter or mV; say with --u-scale and "
+                "--i-scale how many V and A one is (--u-scale 1 --i-scale 1 where they are V and A)",
             )
 
     def _of_stamps(self, columns: list[int], given: ChannelMap, above: Clock) -> Clock:
@@ -292,7 +318,7 @@ class Export:
             if not period or quantum < period or abs(lasts) > 2 * quantum:  # rows are missing, or the rate is wrong
                 raise
             return Clock(above.rate, start, (*notes, "its stamps are coarse: the rate above the table counts"))
-        return Clock(said.rate, start, notes)
+        return Clock(said.rate, start, (*notes, *said.notes), said.breaks)
 
     def _stamped(self, columns: list[int]) -> Iterator[float]:
         """Seconds since the first stamp."""
@@ -325,7 +351,15 @@ class Export:
                 warnings.simplefilter("ignore")  # that there are no rows
                 found = np.loadtxt(self._rows(), delimiter=delimiter, usecols=places, ndmin=2, comments=None)
         except (ValueError, IndexError):
-            raise InputError(self.text.path, self._first_fault(columns)) from None
+            fault = self._first_fault(columns)
+            if self.text.torn or not self.text.ends_torn():
+                raise InputError(self.text.path, fault) from None
+            self.text.torn = True  # a logger that lost its supply
+            try:
+                self._load(columns)
+            except InputError:
+                raise InputError(self.text.path, fault) from None
+            return
         bad = np.argwhere(~np.isfinite(found))
         if len(bad):
             row, column = bad[0]

@@ -1,8 +1,11 @@
 """The library of effects and the motion that they see."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from acqd.models.effects import library
+from acqd.models.effects.effect import effect_rows_at
 from acqd.models.effects.scene import scene_of
 from acqd.models.effects.substeps import SUBSTEPS, substep_motion
 from acqd.models.greybox.model import GreyBox
@@ -33,6 +36,8 @@ DESIGN_IDS = {
     "meter_gain",
     "meter_saturation",
     "process_load",
+    "mounting",
+    "joint_zero",
 }
 
 
@@ -66,3 +71,35 @@ def test_a_heavy_payload_takes_what_a_model_with_that_body_takes(model):
     with_body = scene_of(loaded, segment.q, segment.signals, segment.start_s, segment.channels)
     payload = term("payload", {"centre_of_mass_m": reach}, kg)
     np.testing.assert_allclose(payload.rows(scene), with_body.predicted - scene.predicted, atol=1e-6)
+
+
+def test_a_turned_base_takes_what_a_model_with_that_base_takes(model):
+    """The rigid body with another base, not the effect's own columns: exact for any angle."""
+    tilt = 0.4
+    turn = np.array([[np.cos(tilt), 0, np.sin(tilt)], [0, 1, 0], [-np.sin(tilt), 0, np.cos(tilt)]])
+    chain = model.chain
+    turned = replace(
+        chain,
+        xyz=np.concatenate([chain.xyz[:1] @ turn.T, chain.xyz[1:]]),
+        rotation=np.concatenate([(turn @ chain.rotation[0])[None], chain.rotation[1:]]),
+    )
+    support = 9.81 * (turn.T[:, 2] - [0, 0, 1])  # gravity's support in the axes of the turned base
+    segment = recording(model, 2, seed=9)
+    scene, other = (
+        scene_of(GreyBox(each, model.layout, model.values, STEP, np.ones(1)), segment.q, segment.signals,
+                 segment.start_s, segment.channels)
+        for each in (chain, turned)
+    )  # fmt: skip
+    rows = effect_rows_at(library()["mounting"], scene, {}, (0, 1, 2), support) @ support
+    np.testing.assert_allclose(rows, other.predicted - scene.predicted, atol=1e-6)
+
+
+def test_a_joint_that_stands_elsewhere_takes_what_a_model_takes_there(model):
+    """A thousandth of a radian at joint 2: the law is linear."""
+    segment, shift = recording(model, 2, seed=9), 1e-3 * (np.arange(model.axes) == 1)
+    scene, other = (
+        scene_of(model, q, segment.signals, segment.start_s, segment.channels) for q in (segment.q, segment.q + shift)
+    )
+    rows = effect_rows_at(library()["joint_zero"], scene, {}, (1,), np.array([1e-3]))[:, 0] * 1e-3
+    expected = other.predicted - scene.predicted
+    assert np.abs(rows - expected).max() < 2e-3 * np.abs(expected).max()

@@ -90,7 +90,7 @@ def mat(tmp_path, **variables):
         ({"u1": U, "i1": I}, "--rate"),
         ({"u1": U, "i1": I, "fs": 1e4, "dt": 2e-4}, "several sampling rates"),
         ({"fs": 1e4, "n": 3}, "no arrays of samples"),
-        ({"time": np.where(T > 0.1, T + 0.01, T), "u1": U, "i1": I}, "equidistant"),
+        ({"time": np.where(np.arange(len(T)) % 20 > 9, T + 0.01, T), "u1": U, "i1": I}, "equidistant"),
         ({"time": T, "u1_pu": U / 325, "i1": I}, "i1 but no u1"),
         ({"t": 738_000 + T / 86_400, "u1": U, "i1": I}, "are its times in ms, us or days"),
         ({"time": T, "u1": U > 0, "i1": I}, "i1 but no u1"),
@@ -100,6 +100,16 @@ def mat(tmp_path, **variables):
 def test_what_does_not_say_enough_is_refused(tmp_path, variables, complaint):
     with pytest.raises(InputError, match=complaint):
         load_waveform(mat(tmp_path, **variables))
+
+
+def test_times_that_pause_are_a_gap(tmp_path):
+    waveform = load_waveform(mat(tmp_path, time=np.where(T > 0.1, T + 0.01, T), u1=U, i1=I))
+    assert waveform.breaks == ((int((T <= 0.1).sum()), round(0.01 / (T[1] - T[0]))),)
+
+
+def test_a_scale_beside_the_samples_of_a_struct_is_named(tmp_path):
+    waveform = load_waveform(mat(tmp_path, time=T, u1={"data": U, "scale": 0.05, "unit": "V"}, i1=I))
+    assert any("u1 has a field scale, which is not applied" in note for note in waveform.notes)
 
 
 def test_numbers_that_contradict_the_times_are_noted_and_codes_without_a_scale_refused(tmp_path):
@@ -232,3 +242,23 @@ def test_a_mark_of_missing_samples_is_no_sample(tmp_path):
     path = hdf(tmp_path, t=(T, {}), u1=(U, {"_FillValue": 9.97e36}), i1=(values, {"_FillValue": -9999.0}))
     with pytest.raises(InputError, match="sample 701 is marked as missing"):
         load_waveform(path)
+
+
+def test_durations_of_parquet_are_times(tmp_path):
+    pyarrow = pytest.importorskip("pyarrow")
+    parquet = pytest.importorskip("pyarrow.parquet")
+    path, since = tmp_path / "a.parquet", np.rint(T * 1e6).astype("timedelta64[us]")
+    parquet.write_table(pyarrow.table({"since": since, "u1": U, "i1": I}), path)
+    assert load_waveform(path).form.rate == pytest.approx(RATE)
+
+
+@pytest.mark.parametrize("key", ["calibration_factor", "conversion", "slope", "removed_offset", "LSB"])
+def test_a_factor_beside_samples_is_named_whatever_its_name(tmp_path, key):
+    h5py, path = pytest.importorskip("h5py"), tmp_path / "a.h5"
+    with h5py.File(path, "w") as file:
+        for name, values, unit in (("time", T, "s"), ("u1", U, "V"), ("i1", I, "A")):
+            file.create_dataset(name, data=values).attrs["unit"] = unit
+        file["u1"].attrs[key] = 0.05
+        file["i1"].attrs["gain"] = 1.0
+    notes = load_waveform(path).notes
+    assert [f"u1 has an attribute {key}" in note for note in notes if "is not applied" in note] == [True]

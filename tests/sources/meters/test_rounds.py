@@ -233,3 +233,21 @@ def test_registers_that_count_otherwise_or_in_large_steps_contradict_nothing(
     for minute in range(60 * 60):
         energy = 1000 + np.floor(counted_W * minute / 6e4 / step_kWh) * step_kWh
         assert not agreement.feed(values | {"total.W": energy}, round(60 * minute * SECOND))
+
+
+@pytest.mark.parametrize(
+    ("change", "null"),
+    [
+        ({"L1.Irms": 20.0}, {"L1.P", "L1.PF", "L1.Irms"}),
+        ({"L1.P": 41.4}, {"L1.P", "L1.PF", "L1.Irms"}),
+        ({"L1.PF": 0.09}, {"L1.PF"}),
+        ({"L1.Irms": 1e-41, "L1.P": 1e-41}, {"L1.Irms", "L1.P"}),
+        ({"L1.PF": 0.75}, set()),  # registers of a round differ in time
+        ({"L1.P": 150.0}, set()),  # distorted: PF is that of the fundamentals
+    ],
+)
+def test_without_s_the_power_factor_is_held_against_v_x_i(change, null):
+    values = {name: value for name, value in good().items() if not name.endswith(".S")}
+    judged = RoundJudge(230.0).judge(values | change, SECOND)
+    phase = {name for name, value in judged.values.items() if value is None and name.startswith("L1")}
+    assert phase == null

@@ -178,3 +178,16 @@ def test_letters_behind_a_slash_are_phases_beside_others_and_a_current_alone_is_
     assert [split_label(label, labels) for label in labels] == [(label, "") for label in labels]
     assert split_label("Voltage, A") == ("Voltage, A", "") and split_label("I / A") == ("I", "A")
     assert split_label("u1/A") == ("u1", "A")
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("V1|V V2|V V3|V A1|A A2|A A3|A", "V1 A1 V2 A2 V3 A3"),
+        ("L1_U|V L1_I|A L2_U|V L2_I|A L3_U|V L3_I|A", "L1_U L1_I L2_U L2_I L3_U L3_I"),
+        ("A1|V A2|A", "A1 A2"),  # inputs
+    ],
+)
+def test_what_other_instruments_call_their_phases(text, expected):
+    found = metered(text)
+    assert [found[key] for key in sorted(found, key=lambda key: (key[1:], key[0] == "i"))] == expected.split()

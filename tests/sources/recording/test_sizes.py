@@ -67,3 +67,10 @@ def test_channels_without_a_value_or_beyond_every_network_are_asked_about():
 def test_real_recordings_raise_no_question():
     for path in sorted(WAVEFORMS.glob("*/replay_20k_el3783.npz")):
         assert not load_waveform(path).notes, path
+
+
+def test_a_single_phase_behind_a_voltage_transformer_is_asked_about():
+    t = np.arange(2_000) / 10_000
+    codes = np.rint(np.stack((577 * 2**0.5 * np.cos(314.16 * t), 500 * np.cos(314.16 * t)), 1)).astype(np.int16)
+    asked = hints([(0, "VA"), (1, "IA")], codes, np.array([0.1, 0.01]), (10_000.0, 50.0), True)
+    assert len(asked) == 1 and "as behind voltage transformers" in asked[0]

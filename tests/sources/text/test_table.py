@@ -137,13 +137,33 @@ def test_broken_csv_is_named_with_its_row(tmp_path, text):
         load_waveform(path)
 
 
-def test_a_hole_in_a_csv_is_named_at_its_row(tmp_path):
+def test_a_hole_in_a_csv_is_a_gap_and_named(tmp_path):
     path = tmp_path / "a.csv"
     write_csv(path)
     lines = path.read_text().splitlines()
     path.write_text("\n".join(lines[:2_001] + lines[2_501:]))
-    with pytest.raises(InputError, match="row 2002"):
+    waveform = load_waveform(path)
+    assert waveform.breaks == ((2_000, 500),)
+    assert any("pause 1 time (first before sample 2001" in note for note in waveform.notes)
+
+
+def test_rows_that_are_missing_everywhere_are_refused(tmp_path):
+    path = tmp_path / "a.csv"
+    write_csv(path)
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join(line for k, line in enumerate(lines) if k % 20 != 7))
+    with pytest.raises(InputError, match="equidistant"):
         load_waveform(path)
+
+
+@pytest.mark.parametrize(("names", "refused"), [("u1,i1", True), ("u1 [V],i1 [mA]", False), ("u1,i1 [A]", False)])
+def test_whole_numbers_without_a_unit_may_be_codes(tmp_path, names, refused):
+    rows = [f"{t:.6f},{np.rint(1_300 * np.cos(314 * t)):.0f},{np.rint(700 * np.cos(314 * t)):.0f}" for t in T]
+    path = written(tmp_path, [f"time [s],{names}"], rows)
+    if refused:
+        with pytest.raises(InputError, match="codes of a converter or mV"):
+            load_waveform(path)
+    assert load_waveform(path, ChannelMap(u_scale=0.25, i_scale=0.01) if refused else None)
 
 
 def test_a_field_of_many_digits_is_looked_through_once():
@@ -235,5 +255,18 @@ def test_an_axis_of_times_within_a_step_shifts_its_channels_and_other_times_do_n
 def test_stamps_that_leave_rows_out_are_not_overruled_by_a_rate_above_them(tmp_path):
     stamps = [f"2024-03-01T10:00:{t + (0.5 if t > 0.1 else 0):09.6f}" for t in T]
     rows = [f"{stamp},{row.partition(',')[2]}" for stamp, row in zip(stamps, PLAIN, strict=True)]
-    with pytest.raises(InputError):
-        load_waveform(written(tmp_path, ["Sample rate,4000", "time,u1 [V],i1 [A]"], rows))
+    loaded = load_waveform(written(tmp_path, ["Sample rate,4000", "time,u1 [V],i1 [A]"], rows))
+    assert sum(lost for _, lost in loaded.breaks) * (T[1] - T[0]) == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize("tail", ["0.249750,12", "0.249750,", "\0" * 300])
+def test_a_row_that_nobody_ended_is_left_out(tmp_path, tail):
+    path = written(tmp_path, ["time,u1 [V],i1 [A]"], PLAIN[:-1])
+    path.write_text(path.read_text().rstrip("\n") + "\n" + tail)
+    loaded = load_waveform(path)
+    assert len(loaded.codes) == len(PLAIN) - 1 and "its last row is cut off: left out" in loaded.notes
+
+
+def test_clocks_of_microcontrollers_are_times(tmp_path):
+    rows = [f"{round(t * 1e6)},{row.partition(',')[2]}" for t, row in zip(T, PLAIN, strict=True)]
+    assert load_waveform(written(tmp_path, ["micros,u1 [V],i1 [A]"], rows)).form.rate == pytest.approx(4_000)

@@ -1,6 +1,6 @@
 """f, voltage and power of two cycles of acqd and pqopen-lib beside each other: simulated mains and real recordings.
 
-    python -m tools.studies.frequency [--disturbances 200] [--first-disturbance 0] [--json FILE]
+    python -m tools.studies.frequency [--disturbances 200] [--first-disturbance 0] [--only-disturbances] [--json FILE]
 
 The truth of a simulation is the mean f over the two cycles of each value; of a recording, zero crossings after a
 band pass without a phase shift (`recorded`). pqopen-lib gives a value some 10 ms after its cycles have ended, acqd with
@@ -22,12 +22,14 @@ from rich.table import Table
 from acqd.arrays import Floats
 from acqd.sources import load_waveform
 from tools.bench.waves import RECORDINGS
+from tools.studies.frequency.further import further_disturbance
 from tools.studies.frequency.meters import Values, acqd, pqopen
 from tools.studies.frequency.recorded import true_f
-from tools.studies.frequency.waves import AMPERES, VOLTS, cases, random_disturbance
+from tools.studies.frequency.waves import AMPERES, VOLTS, Wave, cases, random_disturbance
 
 _NAMES = ("microwave_1ph_20k", "fridge_1ph_20k", "generator_3ph", "merging_unit_3ph")
 _WRONG_HZ = 0.010
+_DISTURBANCES = {"of f and near f": random_disturbance, "further": further_disturbance}
 Line = dict[str, str | float]
 
 
@@ -38,14 +40,17 @@ def main() -> None:
     parser.add_argument(
         "--first-disturbance", type=int, default=0, help="seed of the first one; others: seen by nobody"
     )
+    parser.add_argument("--only-disturbances", action="store_true", help="leave the table of two cycles out")
     parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
-    lines = [*_simulated(), *_recordings()]
-    _print("values of two cycles; errors of f in mHz, of V in %, of P in % of S", lines)
-    found = _disturbances(arguments.disturbances, arguments.first_disturbance)
-    _print("random disturbances (simulated): windows of acqd", [found])
+    lines = [] if arguments.only_disturbances else [*_simulated(), *_recordings()]
+    if lines:
+        _print("values of two cycles; errors of f in mHz, of V in %, of P in % of S", lines)
+    seeds = range(arguments.first_disturbance, arguments.first_disturbance + arguments.disturbances)
+    found = [_disturbances(name, make, seeds) for name, make in _DISTURBANCES.items()]
+    _print("random disturbances (simulated): windows of acqd", found)
     if arguments.json:
-        arguments.json.write_bytes(orjson.dumps([*lines, found], option=orjson.OPT_INDENT_2))
+        arguments.json.write_bytes(orjson.dumps([*lines, *found], option=orjson.OPT_INDENT_2))
 
 
 def _simulated() -> Iterator[Line]:
@@ -91,12 +96,12 @@ def _line(
     }
 
 
-def _disturbances(count: int, first: int = 0) -> Line:
+def _disturbances(kinds: str, make: Callable[[int], Wave], seeds: range) -> Line:
     wrong, flagged_right, right = 0, 0, 0
     cases_wrong: dict[str, int] = {}
     largest_Hz = 0.0
-    for number in track(range(first, first + count), "disturbances", console=Console(stderr=True)):
-        wave = random_disturbance(number)
+    for number in track(seeds, f"disturbances, {kinds}", console=Console(stderr=True)):
+        wave = make(number)
         values = acqd(wave.codes(), wave.form)
         with np.errstate(invalid="ignore"):
             error = np.abs(values.error(wave.true_f))
@@ -109,8 +114,9 @@ def _disturbances(count: int, first: int = 0) -> Line:
         right += int((~bad).sum())
         flagged_right += int((~bad & values.doubted).sum())
     return {
-        "disturbances": count,
-        "first": first,
+        "kinds": kinds,
+        "disturbances": len(seeds),
+        "first": seeds.start,
         "silent and off by 10 mHz": wrong,
         "of these": ", ".join(f"{name} {number}" for name, number in cases_wrong.items()) or "-",
         "largest of these, mHz": round(1000 * largest_Hz, 1),

@@ -37,6 +37,8 @@ class Wave:
     """Magnitude of the voltage, of t [s]; 1 where that is not given."""
     begins: float = 0.0
     """s at which the interharmonic sets in."""
+    added: Callable[[Floats, int], Floats] | None = None
+    """What else is in the voltage of a phase, of t [s] and the phase; shares of the fundamental's amplitude."""
 
     @property
     def form(self) -> StreamFormat:
@@ -59,6 +61,7 @@ class Wave:
             u = np.cos(angle) + sum(level * np.cos(h * angle + h) for h, level in self.harmonics.items())
             u += share * np.cos(2 * np.pi * (f * t - phase / 3)) * (t >= self.begins)
             u *= 1.0 if self.level is None else self.level(np.asarray(t))
+            u += 0.0 if self.added is None else self.added(np.asarray(t), phase)
             u += self.noise / np.sqrt(2) * random.standard_normal(len(t))
             columns += [u * VOLTS * np.sqrt(2) / SCALE[0], np.cos(angle - LAG) * AMPERES * np.sqrt(2) / SCALE[1]]
         return np.rint(np.array(columns).T).astype(np.int16)

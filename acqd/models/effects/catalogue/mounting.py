@@ -1,0 +1,72 @@
+"""A base that is not mounted as described."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from acqd.arrays import Floats
+from acqd.models.effects.bodies import GRAVITY, powers
+from acqd.models.effects.cause import Cause
+from acqd.models.effects.effect import Effect
+from acqd.models.effects.places import Parameter, Place, Shape
+from acqd.models.effects.scene import Scene
+from acqd.robot.newton_euler import Chain, joint_torques
+
+_TILT, _TURNED = 0.05, 0.5
+"""Prior deviations over gravity: 3 degrees of a floor or a pedestal; a robot on a wall or under a ceiling."""
+
+
+class Mounting(Effect):
+    """Gravity acts in another direction of the base than described: a tilted pedestal, a wall, a ceiling."""
+
+    id = "mounting"
+    cause = Cause.LOAD
+    summary = "the base is not mounted as the model has it: tilted, on a wall or under a ceiling"
+    equation = "tau = dg dtau/dg(q)"
+    neighbours = ("gravity_bias", "joint_zero", "payload")
+    experiment = "turn joint 1 slowly once round with the arm stretched out: a tilt lifts the arm on one side"
+    acts_on = "torque"
+    at_link = True
+    exported = False
+    omitted_because = "an FMU assumes the described mounting"
+
+    def at(self, scene: Scene, shape: Shape) -> Floats:
+        """[N, 3] W per m/s^2 of support that the base gives along its x, y and z axis, beside the described one."""
+        return powers(scene, _torques(scene))
+
+    def torque(self, scene: Scene, shape: Shape, columns: Sequence[int], coefficients: Floats) -> Floats:
+        """From the torques of every axis of the base."""
+        return np.asarray(np.tensordot(coefficients, _torques(scene)[list(columns)], 1))
+
+    def places(self, scene: Scene) -> Iterator[Place]:
+        """The base: tilted by a few degrees, or turned over."""
+        most = 2 * GRAVITY  # from upright to hanging
+        for where, axes, usual in (("base, tilted", "xy", _TILT), ("base, turned", "xyz", _TURNED)):
+            own = (Parameter(f"gravity {axis}", "m/s^2", -most, most, usual * GRAVITY) for axis in axes)
+            yield Place(where, tuple(range(len(axes))), tuple(own))
+
+
+def _torques(scene: Scene) -> Floats:
+    """[3, N, axes] Nm per m/s^2 that the base gives the arm along its own axes."""
+    if "mounting" not in scene.moved:
+        still, links = np.zeros_like(scene.q), scene.model.group("inertial")[None]
+        scene.moved["mounting"] = np.concatenate(
+            [
+                joint_torques(_turned(scene.model.chain, axis), links, scene.q, still, still) / GRAVITY
+                for axis in range(3)
+            ]
+        )
+    return np.asarray(scene.moved["mounting"])
+
+
+def _turned(chain: Chain, axis: int) -> Chain:
+    """The chain on a base whose axis 0, 1 or 2 points up."""
+    turn = np.roll(np.eye(3), 2 - axis, axis=0)  # rows: the axes that become x, y and z
+    return replace(
+        chain,
+        xyz=np.concatenate([chain.xyz[:1] @ turn.T, chain.xyz[1:]]),
+        rotation=np.concatenate([(turn @ chain.rotation[0])[None], chain.rotation[1:]]),
+    )
