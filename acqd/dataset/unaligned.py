@@ -51,7 +51,8 @@ def _lag(recording: Recording, robot: RobotDescription, step_s: float) -> Lag | 
     rows = slice(first, first + _MOST_ROWS)
     valid, time_ns, window_ns = recording.valid[rows], recording.time_ns[rows], round(1e9 * step_s)
     known = valid if recording.context is None else valid | recording.context[rows]
-    log = RobotLog(Path(recording.name), time_ns[known] * 1e-9, recording.of_axes("q", robot.axes)[rows][known])
+    time = time_ns[known].astype(np.float64) * 1e-9
+    log = RobotLog(Path(recording.name), time, recording.of_axes("q", robot.axes)[rows][known])
     P = np.where(valid, recording.columns["P"][rows], np.nan)
     power = PowerStream(time_ns - window_ns // 2, P, np.full(len(P), np.nan), window_ns, 0, "mains", recording.name)
     try:
