@@ -13,6 +13,7 @@ from pathlib import Path
 from acqd.errors import UserError
 from acqd.retry import Backoff
 from acqd.telemetry.spool.kept import KeptSegments, unlink
+from acqd.telemetry.spool.reserve import Reserve
 from acqd.telemetry.spool.segment import DAMAGED, KEPT, SUFFIX, Segment, number_of
 from acqd.uptime import Moment
 
@@ -60,7 +61,8 @@ class SegmentLog:
         Delivered segments are kept for `keep_s`, as far as `most_bytes` leave room.
         """
         self._folder, self._segment_bytes, self._now = folder, segment_bytes, now
-        self._most, self._reserve_bytes = most_bytes, reserve_bytes
+        self._most = most_bytes
+        self._reserve = Reserve(folder / "reserve", reserve_bytes) if folder is not None and reserve_bytes else None
         self.segments: list[Segment] = []
         self.newest: Segment | None = None
         """Where rows are appended; None before the first."""
@@ -151,6 +153,7 @@ class SegmentLog:
                 segment.close()
         self.trouble = ""
         _log.warning("spool: the disk takes rows again")
+        self._keep_reserve()
 
     def open_more(self) -> list[Segment]:
         """Segments that could not be read at the start and can be now."""
@@ -209,7 +212,8 @@ class SegmentLog:
             self.open_more()
         for path in self.unopened:
             _log.error("spool: %s cannot be read; its rows wait until it can", path)
-        self._make_reserve(folder)
+        if self._reserve is not None:
+            self._reserve.make()
 
     def _take_folder(self, folder: Path) -> None:
         """Make the folder where it is missing, and lock it. Raises OSError; BlockingIOError: another acqd has it."""
@@ -229,22 +233,10 @@ class SegmentLog:
             os.close(self._lock)
         self._lock = lock
 
-    @property
-    def _reserve(self) -> Path | None:
-        return self._folder / "reserve" if self._folder is not None and self._reserve_bytes else None
-
-    def _make_reserve(self, folder: Path) -> None:
-        """Have the disk set blocks aside; nothing is written to them until the disk is full."""
-        if self._reserve is None:
-            return
-        try:
-            file = os.open(folder / "reserve", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o640)
-            try:
-                os.posix_fallocate(file, 0, self._reserve_bytes)
-            finally:
-                os.close(file)
-        except OSError as error:
-            _log.warning("spool: the disk sets nothing aside for a stop while it is full (%s)", error.strerror)
+    def _keep_reserve(self) -> None:
+        """After the rows: a person may have deleted the reserve, or the disk was too full for it at the start."""
+        if self._reserve is not None:
+            self._reserve.keep()
 
     def _to_reserve(self) -> None:
         """Write what is in memory into the blocks that were set aside."""
@@ -253,9 +245,9 @@ class SegmentLog:
             return
         first, *others = memory
         try:
-            first.to_reserve(self._reserve, others)
+            first.to_reserve(self._reserve.path, others)
         except OSError as error:
-            _log.error("spool: %s cannot be used either: %s", self._reserve, error.strerror)
+            _log.error("spool: %s cannot be used either: %s", self._reserve.path, error.strerror)
             return
         self.segments = [segment for segment in self.segments if segment not in others]
         self.newest, self.trouble = first, ""
@@ -286,6 +278,8 @@ class SegmentLog:
             self._to_file(newest)
         except OSError as error:
             self._note_trouble(error)
+        else:
+            self._keep_reserve()
         self.deleted = before + 1  # the folder with it is the same deed
         _log.error("spool: somebody has deleted %s; its %d bytes are written again", path, newest.size)
 
@@ -298,6 +292,8 @@ class SegmentLog:
                 self._to_file(segment)
             except OSError as error:
                 self._note_trouble(error)
+            else:
+                self._keep_reserve()
         self.next_number += 1
         self.newest = segment
         self.segments.append(segment)

@@ -50,6 +50,65 @@ def test_a_stop_on_a_full_disk_leaves_the_rows_in_memory_in_blocks_that_were_set
     assert again.readings("cell1").energy == [(rows - 1.0, 0.0)] and reserve.exists()
 
 
+def _deleted_folder(spool, folder):
+    shutil.rmtree(folder)
+
+
+def _deleted_files(spool, folder):
+    for path in folder.iterdir():
+        path.unlink()
+
+
+def _deleted_reserve(spool, folder):
+    (folder / "reserve").unlink()
+    while spool.segments < 2:  # the next file begins
+        spool.append(window(10_000 + spool.accepted, 700))
+
+
+@pytest.mark.parametrize("deed", [_deleted_folder, _deleted_files, _deleted_reserve])
+def test_what_a_person_deletes_is_set_aside_again_for_a_stop_on_a_full_disk(tmp_path, deed):
+    folder = tmp_path / "spool"
+    spool = Spool(folder, Limits(max_bytes=100_000))
+    spool.append(window(0))
+    deed(spool, folder)
+    spool.append(window(1))
+    kept = everything(spool)
+    with _full_but_for(folder / "reserve"):
+        spool.append(window(2))
+        assert spool.trouble and spool.close() == 0
+    assert everything(Spool(folder)) == kept + window(2)
+
+
+def test_a_start_on_a_full_disk_sets_blocks_aside_when_there_is_room(tmp_path, caplog):
+    with mock.patch("acqd.telemetry.spool.log._DISK_RETRY_S", 0.0):
+        with _full_but_for(None), mock.patch.object(os, "posix_fallocate", _half):
+            spool = Spool(tmp_path)
+            assert not (tmp_path / "reserve").stat().st_size, "what room there is, rows need"
+            for k in range(3):
+                spool.append(window(k))
+        spool.append(window(3))
+    assert caplog.text.count("sets nothing aside") == 1
+    with _full_but_for(tmp_path / "reserve"):
+        spool.append(window(4))
+        assert spool.close() == 0
+    assert everything(Spool(tmp_path)) == [row for k in range(5) for row in window(k)]
+
+
+def _half(file, offset, size):
+    """posix_fallocate on a disk without room for all: the file is longer all the same, as on ext4."""
+    os.ftruncate(file, size // 2)
+    raise OSError(errno.ENOSPC, "No space left on device")
+
+
+def _full_but_for(reserve):
+    """A disk that takes bytes only where they have been set aside."""
+    real, set_aside = os.write, os.stat(reserve).st_ino if reserve is not None else None
+    full = FullDisk(0)
+    return mock.patch.object(
+        segment.os, "write", lambda f, d: real(f, d) if os.fstat(f).st_ino == set_aside else full(f, d)
+    )
+
+
 def test_a_stop_says_how_many_rows_no_disk_has_taken(tmp_path):
     spool = Spool(tmp_path)
     (tmp_path / "reserve").unlink()

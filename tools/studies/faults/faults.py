@@ -30,6 +30,7 @@ from tools.studies.faults.on_storage import (
     foreign_file,
     lock,
     spool_deleted,
+    spool_deleted_then_disk_full,
     spool_disk_full,
     spool_unreadable,
     stopped_on_a_full_disk,
@@ -68,6 +69,7 @@ ALL: dict[str, Fault] = (
         "spool unreadable": spool_unreadable,
         "spool deleted": spool_deleted,
         "stopped on a full disk": stopped_on_a_full_disk,
+        "spool deleted, then disk full": spool_deleted_then_disk_full,
         "daemon's disk answers errors": disk_errors("daemon"),
         "sink's disk answers errors": disk_errors("sink"),
     }
@@ -90,7 +92,8 @@ _NEEDS = {
         "clock set", "clock days ahead", "clock days behind", "sink's clock behind", "maintenance with a wrong clock",
     ),
     "disks": (
-        "database disk full", "spool disk full", "stopped on a full disk", "PostgreSQL: disk of its log full",
+        "database disk full", "spool disk full", "stopped on a full disk", "spool deleted, then disk full",
+        "PostgreSQL: disk of its log full",
     ),
     "pooler": ("PostgreSQL: pooler",),
     "refusals": ("daemon's disk answers errors", "sink's disk answers errors"),

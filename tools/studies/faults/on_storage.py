@@ -74,6 +74,12 @@ def stopped_on_a_full_disk(bed: Bed, chance: random.Random) -> None:
     proxy.mode = "pass"
 
 
+def spool_deleted_then_disk_full(bed: Bed, chance: random.Random) -> None:
+    """Somebody deletes the spool's folder, and with it what a stop on a full disk needs; then comes such a stop."""
+    spool_deleted(bed, chance)
+    stopped_on_a_full_disk(bed, chance)
+
+
 def spool_unreadable(bed: Bed, chance: random.Random) -> None:
     """Opening the segments that wait answers an error for 6 s after a start; the files are whole."""
     proxy = bed.proxies["daemon"]
