@@ -26,10 +26,8 @@ class KeptSegments:
         """Keep a delivered segment; False where it is to be deleted instead."""
         if not self._keep_s or segment.path is None:
             return False
-        try:
+        with suppress(OSError):  # under the name that it has, the next start sends it again
             segment.rename(KEPT)
-        except OSError:
-            return False
         self._append(segment)
         return True
 
@@ -52,15 +50,16 @@ class KeptSegments:
             self._delete_oldest()
 
     def take_back(self) -> list[Segment]:
-        """All that can be: they are no kept segments any more."""
+        """All: they are no kept segments any more."""
         taken = []
         for _, segment in self._segments:
             try:
                 segment.rename(SUFFIX)
+            except FileNotFoundError:
+                continue  # a person has deleted it
             except OSError as error:
-                _log.error("spool: %s cannot be taken back: %s", segment.path, error.strerror)
-            else:
-                taken.append(segment)
+                _log.error("spool: %s cannot be renamed: %s; its rows wait all the same", segment.path, error.strerror)
+            taken.append(segment)
         self._segments.clear()
         self.bytes = 0
         return taken

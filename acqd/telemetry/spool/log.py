@@ -19,6 +19,8 @@ from acqd.uptime import Moment
 
 _log = logging.getLogger(__name__)
 _DISK_RETRY_S = 1.0
+_FULL = (errno.ENOSPC, errno.EDQUOT)
+"""Kept segments make room then. After any other error they stay: a database may be put back later."""
 _OPENING_S = 2.0
 """How long a start waits for segments that cannot be read yet; metering begins without them then."""
 _DAMAGED_SHARE = 16
@@ -73,6 +75,9 @@ class SegmentLog:
         """How often somebody has deleted the newest file, or the folder."""
         self.unopened: list[Path] = []
         """Segments that could not be read at the start."""
+        self.unrecalled: list[Segment] = []
+        """Segments that could not be read when their rows were wanted again."""
+        self._full = False
         self._kept = KeptSegments(keep_s)
         self._retry_at = 0.0
         self._dirty: set[Path] = set()
@@ -108,13 +113,13 @@ class SegmentLog:
 
     def delete_if_done(self, segment: Segment) -> None:
         """Remove a segment of which no row waits; the newest one stays, for it holds the energy registers."""
-        if segment.pending or segment is self.newest:
+        if segment.pending or segment is self.newest or segment in self.unrecalled:
             return
         if segment.damaged:
             self._put_aside(segment)
         else:
             self._forget(segment)
-            if self.trouble or not self._kept.add(segment):
+            if self._full or not self._kept.add(segment):
                 unlink(segment)
             self.expire()
 
@@ -128,11 +133,25 @@ class SegmentLog:
             self.segments.append(segment)
             self.bytes += segment.size
         self.segments.sort(key=lambda segment: segment.number)
-        for segment in self.segments:
+        self.unrecalled = list(self.segments)
+        self.recall_more()
+
+    def recall_more(self) -> bool:
+        """Try again what could not be read then; whether rows of such a segment wait now."""
+        segments, self.unrecalled = self.unrecalled, []
+        for segment in segments:
             try:
                 segment.recall()
             except OSError as error:
-                _log.error("spool: %s cannot be read: %s", segment.path, error.strerror)
+                if isinstance(error, FileNotFoundError) and segment is not self.newest:
+                    continue  # a person has deleted it
+                if not segment.trouble:
+                    _log.error("spool: %s cannot be read: %s; trying again", segment.path, error.strerror)
+                segment.trouble = f"{segment.path} cannot be read: {error.strerror or error}"
+                self.unrecalled.append(segment)
+            else:
+                segment.trouble = ""
+        return len(self.unrecalled) < len(segments)
 
     def in_memory(self) -> int:
         """Bytes that are not on disk."""
@@ -151,7 +170,7 @@ class SegmentLog:
                 return
             if segment is not self.newest:
                 segment.close()
-        self.trouble = ""
+        self.trouble, self._full = "", False
         _log.warning("spool: the disk takes rows again")
         self._keep_reserve()
 
@@ -250,7 +269,7 @@ class SegmentLog:
             _log.error("spool: %s cannot be used either: %s", self._reserve.path, error.strerror)
             return
         self.segments = [segment for segment in self.segments if segment not in others]
-        self.newest, self.trouble = first, ""
+        self.newest, self.trouble, self._full = first, "", False
         _log.warning("spool: the disk is full; the rows in memory are in the blocks that were set aside for that")
 
     @property
@@ -307,12 +326,16 @@ class SegmentLog:
             _log.error("spool: the disk takes no rows (%s); they wait in memory, metering goes on", error.strerror)
         self.trouble = error.strerror or str(error)
         self._retry_at = time.monotonic() + _DISK_RETRY_S
-        self._kept.clear()
+        self._full = error.errno in _FULL
+        if self._full:
+            self._kept.clear()
 
     def _forget(self, segment: Segment) -> None:
         if segment is self.newest:
             self.newest = None
         self.segments.remove(segment)
+        if segment in self.unrecalled:
+            self.unrecalled.remove(segment)
         self.bytes -= segment.size
 
     def _put_aside(self, segment: Segment) -> None:

@@ -178,8 +178,11 @@ class Spool:
     def readable_again(self) -> bool:
         """Whether rows that the disk did not give out are to be tried again: read from the start then."""
         now = time.monotonic()
-        if self._log.unopened and now >= self._open_at:
+        if (self._log.unopened or self._log.unrecalled) and now >= self._open_at:
             self._open_at = now + self._backoff.pause_s()
+            if self._log.unrecalled and self._log.recall_more():
+                self._look_again = True
+                self._backoff.reset()
             for segment in self._log.open_more():
                 _log.warning("spool: %s can be read; its rows are sent", segment.path)
                 self._adopt(segment, behind=True)
@@ -247,7 +250,8 @@ class Spool:
         """Why rows that wait cannot be read now, else empty."""
         if self._log.unopened:
             return f"{len(self._log.unopened)} files of an earlier start cannot be opened"
-        return next((segment.trouble for segment in self._log.segments if segment.trouble and segment.pending), "")
+        waiting = (segment for segment in self._log.segments if segment.pending or segment in self._log.unrecalled)
+        return next((segment.trouble for segment in waiting if segment.trouble), "")
 
     @property
     def age_s(self) -> float:

@@ -11,7 +11,7 @@ import pytest
 
 from acqd.telemetry.spool import Limits, Spool, segment
 from acqd.telemetry.spool.segment import Segment
-from tests.telemetry.spool.rows import everything, window
+from tests.telemetry.spool.rows import STREAMS, everything, window
 
 
 class Unreadable:
@@ -82,3 +82,52 @@ def test_a_start_waits_for_files_that_cannot_be_read_and_meters_without_them_if_
         again._open_at = 0.0
         assert again.readable_again() and everything(again) == window(0) + window(1)
     assert not again.reading_trouble
+
+
+def _delivered(folder):
+    """A spool whose rows are all delivered, in kept files and the newest one."""
+    spool = Spool(folder, Limits(max_bytes=400_000, keep_s=1000.0))
+    for k in range(500):
+        spool.append(window(k))
+    for stream in STREAMS:
+        spool.remove(stream, 0, 499)
+    return spool, [row for k in range(500) for row in window(k)]
+
+
+def test_rows_that_a_database_lacks_are_read_once_the_disk_gives_them_out(tmp_path, caplog):
+    spool, sent = _delivered(tmp_path)
+    disk = Unreadable(errno.EIO)
+    with mock.patch.object(segment.os, "pread", disk), mock.patch.object(spool._backoff, "pause_s", lambda: 0.0):
+        assert spool.recall() == 0 and "Input/output error" in spool.reading_trouble
+        for k in range(500, 900):  # other files begin and end meanwhile
+            spool.append(window(k))
+            for stream in STREAMS:
+                spool.remove(stream, k, k)
+        assert not spool.readable_again()
+        disk.error = 0
+        assert spool.readable_again() and everything(spool)[: len(sent)] == sent and not spool.reading_trouble
+        assert not spool.readable_again()
+
+
+def test_a_kept_file_that_a_person_deletes_is_no_trouble(tmp_path):
+    spool, sent = _delivered(tmp_path)
+    gone = len(min(tmp_path.glob("*.kept")).read_bytes())
+    min(tmp_path.glob("*.kept")).unlink()
+    assert 0 < len(sent) - spool.recall() < gone and not spool.reading_trouble and not spool.readable_again()
+
+
+@pytest.mark.parametrize(("error", "kept"), [(errno.EIO, True), (errno.EROFS, True), (errno.ENOSPC, False)])
+def test_kept_rows_go_for_room_and_for_no_other_error(tmp_path, error, kept):
+    spool, sent = _delivered(tmp_path)
+    failure = OSError(error, os.strerror(error))
+    with mock.patch.object(segment.os, "write", side_effect=failure):
+        spool.append(window(500))
+        assert spool.trouble
+    assert (spool.recall() == len(sent)) is kept
+
+
+def test_a_file_that_cannot_be_renamed_is_kept_all_the_same(tmp_path):
+    refused = OSError(errno.EROFS, os.strerror(errno.EROFS))
+    with mock.patch.object(Path, "rename", side_effect=refused):
+        spool, sent = _delivered(tmp_path)
+        assert spool.recall() == len(sent) and everything(spool) == sent
