@@ -25,6 +25,7 @@ from acqd.sidecar.result import log_result
 from acqd.sidecar.store import Done, Store
 from acqd.sidecar.stored_outbox import StoredOutbox
 from acqd.sidecar.worker import Worker
+from acqd.storage.database import first_line
 from acqd.telemetry.connector import Connector
 from acqd.telemetry.mqtt import BrokerAddress
 
@@ -114,9 +115,9 @@ class Sidecar:
                 break
             try:
                 count += await self._take(path)
-            except sa.exc.DatabaseError as error:
+            except sa.exc.DBAPIError as error:
                 self._arrivals.forget(path)  # it arrives again when the database is back
-                _log.error("%s: not stored (%s); trying again", path.name, str(error.orig).strip().splitlines()[0])
+                _log.error("%s: not stored (%s); trying again", path.name, first_line(error))
                 await asyncio.sleep(_DATABASE_RETRY_S)
                 count += 1
         return count
@@ -139,7 +140,7 @@ class Sidecar:
     async def _take(self, path: Path) -> int:
         """Works through a log unless it is done, and stores it; 1 if it was stored.
 
-        Raises sqlalchemy.exc.DatabaseError; nothing of the log is kept then.
+        Raises sqlalchemy.exc.DBAPIError; nothing of the log is kept then.
         """
         if path in self._late and not await self._read(path):
             return 0
@@ -154,6 +155,9 @@ class Sidecar:
         except (OSError, ChangedError) as error:
             self._give_back(path, error)
             return 0
+        except sa.exc.DBAPIError:
+            self._worker.restore(before)
+            raise
         except PowerRowsMissingError as error:
             if self._late.postpone(path):
                 _log.warning("%s; trying again", error)
@@ -163,7 +167,7 @@ class Sidecar:
         memory, elsewhere = {_MEMORY: self._worker.memory()}, self._contents.elsewhere(path)
         try:
             await asyncio.to_thread(self._store.commit, done, memory, elsewhere)
-        except sa.exc.DatabaseError:
+        except sa.exc.DBAPIError:
             self._worker.restore(before)
             raise
         self._outbox.wake()
@@ -174,7 +178,7 @@ class Sidecar:
         return 1
 
     def _worked_through(self, path: Path, name: str, sha256: str) -> Done:
-        """Raises PowerRowsMissingError, OSError, ChangedError."""
+        """Raises PowerRowsMissingError, OSError, ChangedError, sqlalchemy.exc.DBAPIError."""
         if reason := self._contents.refusal(path):
             return self._worker.refusal(name, sha256, f"{path.name}: {reason}")
         with self._contents.open(path) as file:

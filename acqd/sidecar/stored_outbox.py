@@ -50,7 +50,7 @@ class StoredOutbox:
         most = min(_AT_ONCE, room.messages // 2)
         try:
             rows = await asyncio.to_thread(self._store.unpublished, most + len(self._sent))
-        except sa.exc.DatabaseError:  # a lasting failure is reported where logs are stored
+        except sa.exc.DBAPIError:  # a lasting failure is reported where logs are stored
             return []
         messages = []
         for sha256, content in [row for row in rows if row[0] not in self._sent][:most]:
@@ -67,7 +67,7 @@ class StoredOutbox:
     def acknowledged(self, message: Message) -> None:
         """Marks the log of the message as published."""
         if message.tag is not None:
-            with contextlib.suppress(sa.exc.DatabaseError):  # it is published once more then
+            with contextlib.suppress(sa.exc.DBAPIError):  # it is published once more then
                 self._store.published([message.tag])
             self._sent.discard(message.tag)
 
@@ -83,5 +83,5 @@ class StoredOutbox:
     def __len__(self) -> int:
         try:
             return len(self._store.unpublished(1000))
-        except sa.exc.DatabaseError:
+        except sa.exc.DBAPIError:
             return 1  # unknown

@@ -64,7 +64,8 @@ class Worker:
     def run(self, path: Path, file: BinaryIO, name: str, sha256: str) -> Done:
         """Works through the open file of the log `path`; a problem of the file becomes a refusal.
 
-        Raises PowerRowsMissingError when the power rows have not arrived yet, which is no problem of the file.
+        Raises PowerRowsMissingError when the power rows have not arrived yet, sqlalchemy.exc.DBAPIError when the
+        database gives nothing out now: these are no problems of the file.
         """
         started = time.monotonic()
         identity = Identity(name, sha256, self.name)
@@ -75,6 +76,8 @@ class Worker:
         except (InputError, UserError) as error:
             done = identity.refusal(str(error))
         except Exception as error:  # an odd log must not stop the logs behind it
+            if isinstance(error, sa.exc.DBAPIError) and not isinstance(error, sa.exc.DataError):
+                raise
             # its text may quote the file, and is not published
             _log.exception("%s", name)
             done = identity.refusal(f"{name}: cannot be worked through ({type(error).__name__})")

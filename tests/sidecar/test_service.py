@@ -7,9 +7,11 @@ import shutil
 import signal
 import subprocess
 import time
+from unittest import mock
 
 import paho.mqtt.client as paho
 import pytest
+import sqlalchemy as sa
 from paho.mqtt.enums import CallbackAPIVersion
 from sqlalchemy.engine import make_url
 
@@ -154,3 +156,23 @@ def test_a_log_that_is_taken_away_while_its_power_is_waited_for_is_forgotten(tmp
 
     asyncio.run(take_twice())
     assert not service._late
+
+
+def test_a_log_waits_while_the_database_does_not_answer(tmp_path, bundle, caplog):
+    url, logs = str(tmp_path / "p.sqlite"), tmp_path / "logs"
+    logs.mkdir()
+    cell(logs, url, 1)
+    engine = open_database(url)
+    worker = Worker(Settings(bundle, url, "cell", None, 0.3), engine)
+    service = Sidecar(logs, worker, Store(engine, "cell"), None, "cell", live=False)
+    real, failures = worker._power_rows.of_span, [sa.exc.InterfaceError("", (), Exception("")), None]
+
+    def of_span(*arguments):
+        if (failure := failures.pop(0)) is not None:
+            raise failure
+        return real(*arguments)
+
+    worker._power_rows.of_span = of_span
+    with mock.patch("acqd.sidecar.service._DATABASE_RETRY_S", 0.0):
+        asyncio.run(service.run(asyncio.Event(), lambda: None, until_idle=True))
+    assert (service.done, service.refused) == (1, 0) and "trying again" in caplog.text

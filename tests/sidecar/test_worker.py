@@ -4,6 +4,7 @@ import shutil
 
 import numpy as np
 import pytest
+import sqlalchemy as sa
 
 from acqd.sidecar import comparison
 from acqd.sidecar.power_rows import PowerRowsMissingError
@@ -29,6 +30,28 @@ def test_power_that_comes_late_is_waited_for(tmp_path, bundle):
         run(worker, logs / "a.csv")
     cell(logs, url, 1)
     assert run(worker, logs / "a.csv").status == "ok"
+
+
+def test_a_database_that_does_not_answer_is_no_problem_of_the_log(tmp_path, bundle, monkeypatch):
+    url, logs = str(tmp_path / "p.sqlite"), tmp_path / "logs"
+    logs.mkdir()
+    cell(logs, url, 1)
+    engine = open_database(url)
+    worker, (path,) = Worker(Settings(bundle, url, None, None, 0.3), engine), logs.iterdir()
+    with monkeypatch.context() as away:
+        away.setattr(engine, "connect", raising(sa.exc.OperationalError("", (), Exception("the server is away"))))
+        with pytest.raises(sa.exc.OperationalError):
+            run(worker, path)
+        away.setattr(engine, "connect", raising(sa.exc.DataError("", (), Exception("out of range"))))
+        assert "cannot be worked through" in run(worker, path).message["reason"], "no database takes this log's times"
+    assert run(worker, path).status == "ok"
+
+
+def raising(error):
+    def fail():
+        raise error
+
+    return fail
 
 
 def test_a_last_line_that_is_cut_off_is_left_out_and_said(tmp_path, bundle, caplog):

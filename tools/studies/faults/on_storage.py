@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import os
 import random
 import shutil
 import signal
@@ -128,7 +129,11 @@ def database_disk_full(bed: Bed, chance: random.Random) -> None:
 
 
 def database_moved(bed: Bed, chance: random.Random) -> None:
-    """Somebody moves the file of the database away (a rotation of logs, a backup), and puts it back."""
+    """Somebody moves the file of the database away (a rotation of logs, a backup), and puts it back.
+
+    A sidecar that starts meanwhile would end, for it takes the path for a mistake.
+    """
+    _wait_for_sidecar(bed)
     path = Path(str(bed.engine.url.database))
     away = path.with_name(f"{path.name}.moved")
     path.rename(away)
@@ -159,6 +164,17 @@ def database_put_back_unseen(bed: Bed, chance: random.Random) -> None:
     publish(bed.port, [(f"acqd/{DEVICE}/L1/power", b"{")])  # somebody else's message makes the sink look
     pause(chance, 1.0, 3.0)
     proxy.mode = "pass"
+
+
+def _wait_for_sidecar(bed: Bed) -> None:
+    """Until it holds its lock beside the database: a start takes a while on a busy computer."""
+    deadline = time.monotonic() + _WAITS_S
+    while bed.sidecar is not None and time.monotonic() < deadline:
+        for pid in bed.sidecar.family():
+            with suppress(OSError):
+                if any(os.readlink(file).endswith(".sidecar-lock") for file in Path(f"/proc/{pid}/fd").iterdir()):
+                    return
+        time.sleep(0.1)
 
 
 def _put_back(bed: Bed, chance: random.Random, *, stopped: bool) -> None:
