@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import os
 import random
 import shutil
 import signal
@@ -172,7 +171,7 @@ def _wait_for_sidecar(bed: Bed) -> None:
     while bed.sidecar is not None and time.monotonic() < deadline:
         for pid in bed.sidecar.family():
             with suppress(OSError):
-                if any(os.readlink(file).endswith(".sidecar-lock") for file in Path(f"/proc/{pid}/fd").iterdir()):
+                if any(file.readlink().name.endswith(".sidecar-lock") for file in Path(f"/proc/{pid}/fd").iterdir()):
                     return
         time.sleep(0.1)
 
