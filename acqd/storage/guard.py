@@ -9,8 +9,10 @@ from __future__ import annotations
 import logging
 import os
 import sqlite3
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from datetime import datetime
 from typing import Any
 
 import sqlalchemy as sa
@@ -21,8 +23,10 @@ from acqd.storage.clock_witness import ClockWitness
 from acqd.storage.database import file_of, transaction
 from acqd.storage.database_witness import DatabaseWitness
 from acqd.storage.url import shown
+from acqd.timestamps import rfc3339
 
 _log = logging.getLogger(__name__)
+_DAY_S = 86_400.0
 
 
 class Guard:
@@ -41,6 +45,9 @@ class Guard:
         """Times the database was found in an earlier state."""
         self.recall = 0
         """Times that the database may lack rows that daemons still have: they are to be sent again."""
+        self.recalled = ""
+        """Names the last of these times, of earlier starts too; empty: none of the last day."""
+        self._name_key, self._unwritten = state.recalled(client_id), False
 
     def open(self) -> None:
         """Read at the start what the database remembers, before the first row is judged. Raises as `transaction`."""
@@ -59,8 +66,10 @@ class Guard:
             self._check_connection(connection)
             number = self._check_state(connection) + 1
             state.write_mark(connection, self._key, self._witness.mark(number))
+            if self._unwritten:
+                state.write(connection, self._name_key, self.recalled)
             yield connection
-        self._number = number
+        self._number, self._unwritten = number, False
         if self._identity is not None:
             self._memory.committed(self._identity, number)
 
@@ -123,8 +132,9 @@ class Guard:
         if self._identity is None:
             self._identity = identity
             self._number = max(mark.number if mark is not None else 0, self._memory.number(str(identity)))
+            self.recalled = _of_the_last_day(state.read(connection, self._name_key) or "")
             if not self._number and not state.has_commits(connection):  # new, or what a server has failed over to
-                self.recall += 1
+                self._ask()
             self._witness.remember(mark)
             self._witness.look()
         elif identity != self._identity:
@@ -132,7 +142,7 @@ class Guard:
         number = mark.number if mark is not None else 0
         if number < self._number:
             self.restored += 1
-            self.recall += 1
+            self._ask()
             _log.error(
                 "database %s is in an earlier state (commit %d, was %d): restored? Daemons send again what they have",
                 shown(self._engine.url), number, self._number,
@@ -140,6 +150,21 @@ class Guard:
             self._number = number
         return number
 
+    def _ask(self) -> None:
+        """Daemons that are away now hear of it when they come back, also from a later start of the sink."""
+        self.recalled = f"{rfc3339(time.time_ns())}/{self.recall + 1}"
+        self._unwritten = True
+        self.recall += 1  # last: another thread looks at it
+
     def _away(self, reason: str) -> DatabaseAwayError:
         text = f"{shown(self._engine.url)}: {reason}"
         return DatabaseAwayError(f"database {text}", text)
+
+
+def _of_the_last_day(name: str) -> str:
+    """The name of a recall; empty where it is older than kept rows are, or cannot be read."""
+    try:
+        then_s = datetime.fromisoformat(name.partition("/")[0]).timestamp()
+    except ValueError:
+        return ""
+    return name if abs(time.time() - then_s) < _DAY_S else ""

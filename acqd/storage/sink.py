@@ -77,6 +77,8 @@ class Sink:
         self._held = self._under_way = self._recalled = 0
         self._since = self._fed = 0.0
         self._announced = False
+        self._named = ""
+        """The recall that the announcement names."""
         self._said: set[str] = set()
         self._started = rfc3339(time.time_ns())
         self.counters = SinkCounters()
@@ -214,15 +216,17 @@ class Sink:
                 self._under_way -= len(batch.numbers)
                 self._held -= sum(len(message.payload) for message in batch.messages)
         self.counters.recalls = self._writer.guard.restored
-        if self._announced and self._recalled < self._writer.guard.recall:
-            self._recalled = self._writer.guard.recall
-            content = self._announcement(recall=True)
+        recall = self._writer.guard.recall
+        if self._announced and (recall > self._recalled or self._writer.guard.recalled != self._named):
+            content = self._announcement(**({"recall": True} if recall > self._recalled else {}))
+            self._recalled = recall
             subscriber.publish(topics.sink_status(self._settings.client_id), content, retain=True)
 
     def _announcement(self, **more: bool) -> bytes:
         """`recalled`: daemons that were away when the rows were asked for find that when they come back."""
         about = {"version": __version__, "host": socket.gethostname(), "started": self._started}
-        recalled = {"recalled": f"{self._started}/{self._recalled}"} if self._recalled else {}
+        self._named = self._writer.guard.recalled
+        recalled = {"recalled": self._named} if self._named else {}
         content = {"state": "online", "sink": self._settings.client_id, "schema": 1, **about, **recalled, **more}
         return orjson.dumps(content)
 

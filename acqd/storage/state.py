@@ -36,6 +36,11 @@ def commits(client_id: str) -> str:
     return f"{_COMMITS}{client_id}"
 
 
+def recalled(client_id: str) -> str:
+    """Key of the name of the last time that a sink asked for kept rows."""
+    return f"recalled/{client_id}"
+
+
 def has_commits(connection: sa.Connection) -> bool:
     """Whether a sink has ever committed rows there."""
     key = database_state.c.key

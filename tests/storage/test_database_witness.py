@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
+import time
+from types import SimpleNamespace
 
 import pytest
 import sqlalchemy as sa
@@ -12,10 +15,15 @@ from acqd.storage.database import open_database
 from acqd.storage.database_witness import DatabaseWitness
 from acqd.storage.maintain import Retention, maintain
 from acqd.storage.schema import database_state
+from acqd.storage.sink import Sink
+from acqd.storage.sink_settings import SinkSettings
+from acqd.storage.state import commits
 from acqd.storage.writer import Writer
+from acqd.telemetry.mqtt import BrokerAddress
 from tests.storage.rows import T0, count, message, row
 
 SINK = "acqd-sink-x/1"
+KEY = commits(SINK)
 
 
 def run(url, state_dir, *seqs, client_id=SINK):
@@ -147,3 +155,56 @@ def test_a_folder_that_takes_no_file_stops_no_row_and_is_said_once(tmp_path, cap
     guard = run(tmp_path / "a.sqlite", tmp_path / "missing", 0, 1, 2)
     assert not guard.restored and count(open_database(str(tmp_path / "a.sqlite"))) == 3
     assert caplog.text.count("will not be noticed") == 1
+
+
+def test_a_later_start_still_names_the_last_recall_for_a_day(database, tmp_path, monkeypatch):
+    first = run(database, tmp_path, 0, 1)
+    assert first.recall == 1 and first.recalled
+    second = run(database, tmp_path, 2)
+    assert (second.recall, second.recalled) == (0, first.recalled), "daemons that were away may come back now"
+    engine = open_database(database)
+    set_number(engine, 1)
+    third = run(database, tmp_path, 3)
+    assert third.recall == 1 and third.recalled not in ("", first.recalled)
+    assert run(database, tmp_path, 4).recalled == third.recalled
+    now = time.time()
+    monkeypatch.setattr("acqd.storage.guard.time.time", lambda: now + 90_000.0)
+    assert run(database, tmp_path, 5).recalled == ""
+
+
+def test_a_recall_whose_commit_fails_is_named_by_the_next_one(database, tmp_path):
+    engine = open_database(database)
+    writer = Writer(engine, client_id=SINK)
+    with pytest.raises(RuntimeError), writer.guard.transaction():
+        raise RuntimeError
+    name = writer.guard.recalled
+    writer.write([message(row(0))])
+    assert name and run(database, tmp_path, 1).recalled == writer.guard.recalled
+
+
+def set_number(engine, number):
+    """As an older copy has it."""
+    with engine.begin() as connection:
+        text = connection.execute(sa.select(database_state.c.value).where(database_state.c.key == KEY)).scalar_one()
+        older = json.dumps([number, *json.loads(text)[1:]])
+        connection.execute(sa.update(database_state).where(database_state.c.key == KEY).values(value=older))
+
+
+def test_the_announcement_names_the_recall_of_an_earlier_start_and_asks_once(tmp_path):
+    url, said = str(tmp_path / "a.sqlite"), []
+    earlier = Writer(open_database(url), client_id=SINK)
+    earlier.write([message(row(0))])
+    sink = Sink(BrokerAddress("127.0.0.1", 1), open_database(url), SinkSettings(client_id=SINK))
+    sink._announced = True
+    connection = SimpleNamespace(publish=lambda topic, content, retain: said.append(json.loads(content)))
+    committer = SimpleNamespace(done=list, trouble="", returns=0, waits_s=0.0)
+    for seq in (1, 2):
+        sink._writer.write([message(row(seq))])
+        sink._answer(connection, committer)
+    set_number(sink._engine, 1)
+    for seq in (3, 4):
+        sink._writer.write([message(row(seq))])
+        sink._answer(connection, committer)
+    first, second = said
+    assert first["recalled"] == earlier.guard.recalled and "recall" not in first
+    assert second["recall"] and second["recalled"] not in ("", first["recalled"])

@@ -162,6 +162,9 @@ def database_put_back_unseen(bed: Bed, chance: random.Random) -> None:
     _put_back(bed, chance, stopped=False)
     publish(bed.port, [(f"acqd/{DEVICE}/L1/power", b"{")])  # somebody else's message makes the sink look
     pause(chance, 1.0, 3.0)
+    if chance.random() < 0.5:  # its next start has to know what the daemon has not heard
+        bed.sink.stop()
+        bed.sink.start()
     proxy.mode = "pass"
 
 
