@@ -14,12 +14,11 @@ _FACTOR = re.compile(
     r"|ratio|lsb|exponent|range|digit"
 )
 _OFFSET = re.compile(r"offsets?|intercept|bias")
-_OTHER = frozenset(
-    """
+_OTHER_WORDS = """
     time times timing date day due year utc zone timezone start trigger delay index sample samples sampling bit bits
     byte bytes x xaxis s sec ms us ns power crest form duty noise aspect decimation downsampling oversampling version
-    """.split()
-)
+"""
+_OTHER = frozenset(_OTHER_WORDS.split())
 """Words beside these that say that it is about something else than the size of the samples."""
 _COEFFICIENTS = 4
 """Of a polynomial, at most."""
@@ -35,7 +34,7 @@ def scales(key: str, value: Any) -> bool:
         return False
     if any(_OFFSET.fullmatch(word) for word in words):
         return True
-    if "range" in words and listed.size > 1 or "resolution" in words and float(listed[0]).is_integer():
+    if ("range" in words and listed.size > 1) or ("resolution" in words and float(listed[0]).is_integer()):
         return False  # the limits of an input, the bits of a converter
     return any(_FACTOR.fullmatch(word) for word in words) and listed.tolist() not in ([1], [0, 1], [1, 0])
 

@@ -44,9 +44,7 @@ def _are_amperes(candidates: list[list[Reading]], whole: set[_Key]) -> bool:
 
 def _candidates(channel: Channel, machine: bool) -> list[Reading]:
     """Readings of the name and of the phase field that do not contradict each other; `machine`: see `phase_field`."""
-    named, field = [] if channel.input else readings(channel.name), phase_field(channel.phase, machine)
-    if channel.phase.strip() or channel.unit.strip()[-1:] in ("V", "v"):
-        named = [one for one in named if one.family != AMPERES]
+    named, field = _named(channel), phase_field(channel.phase, machine)
     special = [one for one in named if one.kind not in ("phase", "line", "unknown")]
     if special:
         return special
@@ -74,6 +72,14 @@ def _candidates(channel: Channel, machine: bool) -> list[Reading]:
         return [Reading("unknown", quantity)]
     groups = [one.group for one in named] or [""]
     return [replace(one, quantity=quantity, group=groups[0]) for one in field]
+
+
+def _named(channel: Channel) -> list[Reading]:
+    """Readings of the name; A1 is a current only where neither a phase field nor the unit says more."""
+    found = [] if channel.input else readings(channel.name)
+    if channel.phase.strip() or channel.unit.strip()[-1:] in ("V", "v"):
+        return [one for one in found if one.family != AMPERES]
+    return found
 
 
 def _contradicts(named: list[Reading], field: list[Reading]) -> bool:

@@ -45,8 +45,9 @@ class Text:
     def ends_torn(self) -> bool:
         """Whether the last line has no end."""
         with self.path.open("rb") as file:
-            file.seek(-1, 2)
-            return file.read(1) not in b"\r\n"
+            wide = 2 if self._encoding.lower().startswith("utf-16") else 1
+            file.seek(-wide, 2)
+            return file.read(wide).strip(b"\0") not in (b"\r", b"\n")
 
     def head(self) -> list[str]:
         """The first lines."""
@@ -349,7 +350,7 @@ class Export:
                 found = np.loadtxt(self._rows(), delimiter=delimiter, usecols=places, ndmin=2, comments=None)
         except (ValueError, IndexError):
             fault = self._first_fault(columns)
-            if self.text.torn or not self.text.ends_torn():
+            if self.values or self.text.torn or not self.text.ends_torn():  # columns have equally many rows
                 raise InputError(self.text.path, fault) from None
             self.text.torn = True  # a logger that lost its supply
             try:
