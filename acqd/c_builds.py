@@ -22,6 +22,7 @@ WINDOW_FALLBACK = "metering with numpy takes more than twenty times as long"
 QUALITY_FALLBACK = "power quality and events with numpy take several times as long"
 TICKS_FALLBACK = "MAIN_FAST waits in Python, which costs more of the processor"
 SWITCHING_FALLBACK = "loads that switch are searched with numpy, which takes several times as long"
+FLAC_FALLBACK = "archived samples are read through libsndfile, which takes twice as long"
 RIGID_BODY_FALLBACK = "joint torques are computed with numpy, which takes four to eight times as long"
 LSTM_FALLBACK = "train with --compute torch"
 FMU_FALLBACK = "acqd[fmu] brings zig"
@@ -73,6 +74,12 @@ def switching() -> CBuild:
     return CBuild("switching", (source,), ("-O2", "-std=c99", *_SHARED, "-ffp-contract=off"), SWITCHING_FALLBACK)
 
 
+def flac() -> CBuild:
+    """Reading archived samples; nothing in it gains from wide vectors."""
+    source = _PACKAGE / "archive" / "flac.c"
+    return CBuild("flac", (source,), ("-O3", *_COMMON, "-Wall", "-Wextra"), FLAC_FALLBACK)
+
+
 def rigid_body(instructions: InstructionSet) -> CBuild:
     """Joint torques; equal on every processor, so without contraction."""
     source = _PACKAGE / "robot" / "rigid_body.c"
@@ -98,6 +105,7 @@ def all_builds(machine: str) -> list[CBuild]:
     return [
         ticks(),
         switching(),
+        flac(),
         *(
             build
             for each in sets

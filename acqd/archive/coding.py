@@ -7,19 +7,29 @@ deflated. ADR 39 has the measurement that chose this.
 
 from __future__ import annotations
 
+import ctypes
+import functools
 import io
+import logging
 import zlib
 
 import numpy as np
 import soundfile
 
+from acqd.c_builds import flac
+from acqd.compiling import loaded_library
+from acqd.errors import OperationError
 from acqd.metering.block import Codes
+
+_log = logging.getLogger(__name__)
 
 FLAC16, FLAC24, SORTED = "flac16", "flac24", "sorted"
 LEVEL = 0.375
 """libsndfile's scale of 0 to 1 for FLAC's levels 0 to 8: level 3. Higher ones are up to 1 % smaller and dearer."""
 _RATE = 20_000  # in the header of FLAC, which few rates fit: the rate of the samples is in the head of the segment
 _WIDEST = 2**23
+_MOST = 2**24
+"""Samples that memory is taken for before their bytes have been read."""
 
 
 def encode(codes: Codes) -> tuple[str, bytes]:
@@ -37,7 +47,10 @@ def encode(codes: Codes) -> tuple[str, bytes]:
 def decode(coding: str, data: bytes, dtype: np.dtype, samples: int, channels: int) -> Codes:
     """Codes [samples, channels]. Raises ValueError for bytes that are none."""
     try:
-        codes = _sorted(data, dtype, samples, channels) if coding == SORTED else _unflac(coding, data)
+        if coding == SORTED:
+            codes = _sorted(data, dtype, samples, channels)
+        else:
+            codes = _unflac(coding, data, samples, channels)
     except (zlib.error, RuntimeError) as error:  # soundfile raises RuntimeErrors
         raise ValueError(f"{coding}: {error}") from None
     if codes.shape != (samples, channels) or codes.dtype != dtype:
@@ -54,13 +67,37 @@ def _flac(codes: Codes, subtype: str) -> bytes:
     return buffer.getvalue()
 
 
-def _unflac(coding: str, data: bytes) -> Codes:
+def _unflac(coding: str, data: bytes, samples: int, channels: int) -> Codes:
     if coding not in (FLAC16, FLAC24):
         raise ValueError(f"unknown coding {coding!r}")
+    library = _library()
+    if library is not None and 0 < samples <= _MOST:
+        codes: Codes = np.empty((samples, channels), np.int16 if coding == FLAC16 else np.int32)
+        if library.acqd_unflac(data, len(data), channels, samples, 16 if coding == FLAC16 else 24, codes.ctypes.data):
+            return codes
+    return _unflac_by_libsndfile(coding, data)
+
+
+def _unflac_by_libsndfile(coding: str, data: bytes) -> Codes:
+    """The same of any FLAC stream: the reference, and what says why a stream is none."""
     with soundfile.SoundFile(io.BytesIO(data)) as file:
         if coding == FLAC24:
             return np.asarray(file.read(dtype="int32", always_2d=True) >> 8)
         return np.asarray(file.read(dtype="int16", always_2d=True))
+
+
+@functools.cache
+def _library() -> ctypes.CDLL | None:
+    """`flac.c`; None where it cannot be built."""
+    try:
+        loaded = loaded_library(flac())
+    except OperationError as error:
+        _log.warning("archived samples are read without C: %s", error)
+        return None
+    integer = ctypes.c_int64
+    loaded.acqd_unflac.argtypes = [ctypes.c_char_p, integer, integer, integer, integer, ctypes.c_void_p]
+    loaded.acqd_unflac.restype = integer
+    return loaded
 
 
 def _sorted(data: bytes, dtype: np.dtype, samples: int, channels: int) -> Codes:

@@ -63,6 +63,9 @@ def build(
         bool, typer.Option("--append", help="Put the recordings into the dataset, which exists.")
     ] = False,
     zone: Annotated[str | None, typer.Option(help="Zone of power times that name none, such as Europe/Berlin.")] = None,
+    worked: Annotated[
+        float, typer.Option(min=0, metavar="MINUTES", help="That the robot had worked before: its gears are warm.")
+    ] = 0.0,
     json: Json = False,
 ) -> None:
     """Find each log's time shift, merge it with its power, and write Parquet with provenance.
@@ -81,7 +84,21 @@ def build(
     description, step_s = str(robot or usual["description"]), float(step or usual["step_s"])
     length = cut_length(cut)
     build_config = BuildConfig(
-        power, logs, out, description, device, channel, source, search, step_s, seed, lag, length, append, zone
+        power,
+        logs,
+        out,
+        description,
+        device,
+        channel,
+        source,
+        search,
+        step_s,
+        seed,
+        lag,
+        length,
+        append,
+        zone,
+        worked,
     )
     console = terminal(stderr=True)
     with progress(console) as show_step:

@@ -34,6 +34,8 @@ class BuildConfig:
     """Put the logs into the dataset `out`, which exists."""
     zone: str | None = None
     """IANA name of the zone of power times that name none."""
+    worked_min: float = 0.0
+    """Minutes that the robot had worked when the first log begins: its gears are that warm."""
 
 
 @dataclass(slots=True)

@@ -126,6 +126,7 @@ def _entry(config: BuildConfig, merged: MergedLog, recording: Recording) -> dict
         "lag_by": placement.method,
         "own_lag": {"s": placement.own.seconds, "r2": placement.own.r2, "stands_out": placement.own.ratio},
         "note": placement.note,
+        **({"worked_min": config.worked_min} if config.worked_min else {}),
         "motion": merged.log.quality.as_json() | {"unknown_ends": recording.unknown_ends},
         "log": {"path": str(file), "sha256": content_hash(file), "rows": len(merged.log.time)},
     }

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from acqd.arrays import Floats
 from acqd.discrepancy.ability.ability import Ability
 from acqd.discrepancy.recordings import carrier_in
 from acqd.discrepancy.regression.setup import Comparison, set_up
@@ -25,8 +26,12 @@ from acqd.models.effects import library
 from acqd.models.metrics import predictions
 from acqd.models.predictor import Predictor
 from acqd.models.segments import Segment, load_dataset
+from acqd.motion.controller import RATE, Controller, Motion
+from acqd.motion.program_file import read_program
+from acqd.motion.replayed_log import motion_of
 from acqd.residual.residuals import errors_of, without_known_effects
-from acqd.robot.description import load_description
+from acqd.robot.description import RobotDescription, load_description
+from acqd.robot.log_reader import read_log
 
 PLANNED = "planned "
 """Names of recordings that are not made yet begin so."""
@@ -50,7 +55,10 @@ class Beforehand:
 def beforehand(
     bundle: Path, motion: Path | None, minutes: float | None, progress: Callable[[str, float], None]
 ) -> Beforehand:
-    """Of the motion of a dataset, or of that which the bundle remembers. Raises UserError, InputError."""
+    """Of the motion of a dataset, of a log or program, or of that which the bundle remembers.
+
+    Raises UserError, InputError.
+    """
     opened, model = open_model(bundle)
     reference = load_reference(bundle)
     if not reference:
@@ -59,7 +67,12 @@ def beforehand(
     if carrier is None:
         raise UserError(f"{bundle}: the model has no grey box for the torques of effects; train --network grey-box")
     robot = load_description(opened.metadata["description"])
-    segments = reference if motion is None else _same_robot(motion, model, opened.metadata["robot"])
+    if motion is None:
+        segments = reference
+    elif motion.is_file():
+        segments = [like_reference(reference, motion.stem, _motion_in(motion, robot), model.step_s)]
+    else:
+        segments = _same_robot(motion, model, opened.metadata["robot"])
     planned = without_known_effects(model, with_planned_power(model, reference, segments))
     setup = set_up(
         Comparison(
@@ -84,6 +97,40 @@ def _same_robot(motion: Path, model: Predictor, name: str) -> list[Segment]:
             f"{model.step_s} s: name a dataset of this robot, built with the model's step"
         )
     return data.segments
+
+
+def _motion_in(path: Path, robot: RobotDescription) -> Motion:
+    """Of a robot's log, or of a laboratory program. Raises UserError, InputError."""
+    if path.suffix != ".toml":
+        return motion_of(read_log(path, robot), robot)
+    program = read_program(path, robot)
+    return Controller(robot, program.start).run(list(program.steps))
+
+
+def like_reference(reference: list[Segment], name: str, motion: Motion, step_s: float) -> Segment:
+    """A recording of a motion with the signals of the reference, without power.
+
+    Voltages and temperatures are those that are usual in the reference.
+    """
+    rows = np.arange(round(len(motion) / RATE / step_s) - 1)
+    at = np.minimum((rows * step_s * RATE).astype(int), len(motion) - 1)
+    known = {"brake": motion.brake_open[at] * 1.0, "tool": motion.tool_on[at] * 1.0}
+    return replace(
+        reference[0], recording=name, source=name, q=motion.q[at], P=np.zeros(len(at)), tau=None,
+        signals={name: known[name] for name in reference[0].signals if name in known},
+        channels=_usual_channels(reference, len(at)), before=None, after=None, content=name, labels={},
+    )  # fmt: skip
+
+
+def _usual_channels(reference: list[Segment], rows: int) -> dict[str, Floats]:
+    """Medians of the voltages and temperatures of the reference; currents of motors belong to another motion."""
+    channels = {}
+    for name, values in reference[0].channels.items():
+        if name == "current" or not all(name in segment.channels for segment in reference):
+            continue
+        usual = np.nanmedian(np.concatenate([segment.channels[name] for segment in reference]), axis=0)
+        channels[name] = np.tile(usual, (rows, *[1] * (values.ndim - 1)))
+    return channels
 
 
 def with_planned_power(model: Predictor, reference: list[Segment], motion: list[Segment]) -> list[Segment]:

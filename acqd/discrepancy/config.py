@@ -44,8 +44,16 @@ class CloseConfig:
     def from_json(cls, asked: dict[str, Any], out: Path) -> CloseConfig:
         """The same run once more. Raises KeyError, TypeError for what `as_json` did not write."""
         return cls(
-            Path(asked["dataset"]), Path(asked["model"]), out,
-            None if asked["reference"] is None else Path(asked["reference"]), asked["max_effects"],
+            _named(asked["dataset"], out), _named(asked["model"], out), out,
+            None if asked["reference"] is None else _named(asked["reference"], out), asked["max_effects"],
             tuple(asked["only"]), tuple(asked["exclude"]), asked["seed"], asked["robot"], asked["since_s"],
-            tuple(Path(path) for path in asked["with"]),
+            tuple(_named(path, out) for path in asked["with"]),
         )  # fmt: skip
+
+
+def _named(name: str, out: Path) -> Path:
+    """A folder as the run named it; where that was run from another folder, seen from one above the report."""
+    given = Path(name)
+    if given.exists() or given.is_absolute():
+        return given
+    return next((path for above in out.resolve().parents if (path := above / given).exists()), given)

@@ -6,7 +6,8 @@ of its size, and a rival explains the share rho^2 of it (`ability.pairs`). The c
 - from nothing, if its estimate passes what evidence and differences of unchanged sessions ask (`ability.smallest`);
 - from a rival, if u^2 (1 - kappa^2 / (1 - rho^2)), and what the rival pays more, exceed 2 log(kinds / pi). There
   u^2 = s theta^2 (1 - rho^2) is twice the expected log Bayes factor between the two, which scatters by 2 u (Vuong
-  1989).
+  1989);
+- from a law without a name, unless the law is ahead by that margin: names are preferred (ADR 26).
 
 The closest rival decides: the distance to it, in standard deviations, is the criterion of T-optimal designs (Atkinson
 and Fedorov 1975). A design is worth the expected log probability of the right name, over the causes by what they are
@@ -80,6 +81,8 @@ class Contest:
     groups: tuple[_Group, ...]
     same_kind: NDArray[np.bool_]
     """[rivals, causes] whether a rival is another place or shape of a cause."""
+    has_to_lead: NDArray[np.bool_]
+    """[rivals, causes] whether a rival is a law and the cause has a name: the law has to be ahead by the margin."""
     precision: Floats
     """[own] of the priors of the regression's columns."""
     learning_rate: float
@@ -92,9 +95,11 @@ class Contest:
     ) -> Contest:  # fmt: skip
         """`priors`: per rival [parameters] its prior deviations; `precision` [own] of the regression's columns."""
         used = np.unique(np.concatenate([each.indices for each in [*rivals, *(cause.candidate for cause in causes)]]))
+        shape = len(rivals), len(causes)
         same = np.array([[rival.kind == cause.candidate.kind for cause in causes] for rival in rivals])
+        leads = np.array([[not rival.id and bool(cause.candidate.id) for cause in causes] for rival in rivals])
         return cls(
-            causes, tuple(rivals), used, _grouped(used, rivals, priors), same.reshape(len(rivals), len(causes)),
+            causes, tuple(rivals), used, _grouped(used, rivals, priors), same.reshape(shape), leads.reshape(shape),
             precision, learning_rate, kinds,
         )  # fmt: skip
 
@@ -112,10 +117,14 @@ class Contest:
 
     def closest(self, moments: Moments) -> list[str]:
         """Per cause what is said most easily in its place; "" where nothing explains any of it."""
-        return [
-            _name(self.rivals[int(shares.argmax())]) if shares.max(initial=0.0) > 0 else ""
-            for shares in self.explained(moments).T
-        ]
+        schur = self._schur(moments)
+        explained, complexity = self._rivals(schur)
+        found = []
+        for number, cause in enumerate(self.causes):
+            to_rivals = self._beside(schur, cause, explained[:, number], complexity, self.has_to_lead[:, number])
+            at = to_rivals @ cause.sizes()[1] if len(self.rivals) else np.empty(0)
+            found.append(_name(self.rivals[int(at.argmin())]) if np.isfinite(at).any() else "")
+        return found
 
     def explained(self, moments: Moments) -> Floats:
         """[rivals, causes] share of a cause's evidence that a rival explains."""
@@ -134,29 +143,53 @@ class Contest:
         schur = self._schur(moments)
         explained, complexity = self._rivals(schur)
         return [
-            (self._distance(schur, cause, shares, complexity), cause.sizes()[1])
-            for cause, shares in zip(self.causes, explained.T, strict=True)
+            (self._distance(schur, cause, shares, complexity, leads), cause.sizes()[1])
+            for cause, shares, leads in zip(self.causes, explained.T, self.has_to_lead.T, strict=True)
         ]
 
-    def _distance(self, schur: Floats, cause: Cause, explained: Floats, complexity: Floats) -> Floats:
-        """[sizes]; `explained` [rivals] share of the cause's evidence, `complexity` [rivals] what a rival pays."""
+    def _distance(
+        self, schur: Floats, cause: Cause, explained: Floats, complexity: Floats, leads: NDArray[np.bool_]
+    ) -> Floats:
+        """[sizes] to the closest failure: too little evidence, or a rival."""
+        precision = self._precision(schur, cause)
         theta = np.abs(cause.sizes()[0])
-        power = float(cause.weights @ self._crossed(schur, cause)[self._positions(cause)])
-        if power < LEAST_POWER:
+        if precision < self.learning_rate * LEAST_POWER:
             return np.full(len(theta), _NEVER)
-        precision = self.learning_rate * power
         variance, freedom = cause.between_sessions
         chance = by_chance(self.kinds)
-        pays = 2 * np.log(cause.candidate.tried) + self._complexity(schur, cause)
         improbable = _improbable(chance, freedom)
-        least = max(float(np.sqrt((chance + pays) / precision)), improbable * float(np.sqrt(variance)))
+        least = max(
+            float(np.sqrt((chance + self._pays(schur, cause)) / precision)), improbable * float(np.sqrt(variance))
+        )
         alone = (theta - least) / np.sqrt(1 / precision + variance)
-        near = explained > 0
-        left = np.maximum(1 - explained[near], 1e-9)
-        u = theta[:, None] * np.sqrt(precision * left)
-        net = u**2 * (1 - THRESHOLDS.column_error**2 / left) + complexity[near] - pays - chance
-        beside = (net / np.maximum(2 * u, 1e-9)).min(axis=1, initial=np.inf)
+        beside = self._beside(schur, cause, explained, complexity, leads).min(axis=0, initial=np.inf)
         return np.asarray(np.maximum(np.minimum(alone, beside), _NEVER))
+
+    def _beside(
+        self, schur: Floats, cause: Cause, explained: Floats, complexity: Floats, leads: NDArray[np.bool_]
+    ) -> Floats:
+        """[rivals, sizes] distance to a rival; infinite where it explains nothing.
+
+        Per rival: `explained` share of the cause's evidence, `complexity` that the rival pays, and whether the rival
+        has to be ahead by the margin (`leads`).
+        """
+        precision, chance = self._precision(schur, cause), by_chance(self.kinds)
+        left = np.maximum(1 - explained, 1e-9)[:, None]
+        evidence = precision * cause.sizes()[0] ** 2
+        u = np.sqrt(evidence * left)
+        # what wrong columns may move; a law draws of a cause what it explains of the cause
+        moved = THRESHOLDS.column_error**2 * evidence * np.where(leads, explained, -1.0)[:, None]
+        favour = np.where(leads, chance, -chance)[:, None]
+        net = u**2 + moved + complexity[:, None] - self._pays(schur, cause) + favour
+        return np.where(explained[:, None] > 0, net / np.maximum(2 * u, 1e-9), np.inf)
+
+    def _precision(self, schur: Floats, cause: Cause) -> float:
+        """Of the size of a cause, everything that the regression knows projected out."""
+        return self.learning_rate * float(cause.weights @ self._crossed(schur, cause)[self._positions(cause)])
+
+    def _pays(self, schur: Floats, cause: Cause) -> float:
+        """Evidence that a cause pays for its parameters, places and shapes."""
+        return 2 * float(np.log(cause.candidate.tried)) + self._complexity(schur, cause)
 
     def _complexity(self, schur: Floats, cause: Cause) -> float:
         """log det(I + D S D) of a cause's parameters."""

@@ -88,6 +88,11 @@ class Designed:
         return self.after.pieces
 
     @property
+    def worked_min(self) -> float:
+        """Minutes of work before the session: 0 for cold gears."""
+        return 0.0 if self.cold else WARM_S / 60
+
+    @property
     def needed(self) -> bool:
         """Whether the recordings so far leave a question: by what the loop has said, or by what they can tell."""
         return self.question.open or self.so_far.right(self.causes) < _SURE
@@ -182,7 +187,7 @@ def _session(
     subject = question.subject
     model = subject.model
     to_come = planned(space, list(pieces.values()), model, subject.reference, age_s)
-    open_ = opened(question, recordings, to_come, age_s, asked.causes, progress)
+    open_ = opened(question, recordings, to_come, asked.causes, progress)
     contest = open_.contest
     so_far = open_.moments_of(open_.so_far)
     moments = {name: open_.moments_of(weights) for name, weights in open_.pieces.items()}
@@ -213,6 +218,7 @@ def as_json(designed: Designed) -> dict[str, Any]:
         "robot": designed.question.subject.robot.name,
         "seconds": designed.motion.seconds,
         "begins": "cold" if designed.cold else "warm",
+        "worked_min": designed.worked_min,
         "needed": designed.needed,
         "decides": designed.decides,
         "right_name": {name: each.right(designed.causes) for name, each in outlooks.items()},

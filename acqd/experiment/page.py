@@ -117,10 +117,12 @@ def steps(designed: Designed) -> list[str]:
     if config.since_s is not None:
         again += ["--from", datetime.fromtimestamp(config.since_s, UTC).strftime("%Y-%m-%dT%H:%M:%S")]
     robot = designed.question.subject.data.description
+    start = "after hours of standstill" if designed.cold else f"after {designed.worked_min / 60:g} hours of work"
+    worked = "" if designed.cold else f" --worked {designed.worked_min:g}"
     return [
         "have a person check the program, drive to its start by hand, and run it at reduced speed first",
-        "record power and the robot's log while the program runs, as before",
-        f"acqd dataset build --power POWER --logs LOGS --robot {robot} --out {further}",
+        f"record power and the robot's log while the program runs, {start}",
+        f"acqd dataset build --power POWER --logs LOGS --robot {robot} --out {further}{worked}",
         " ".join(again),
     ]
 

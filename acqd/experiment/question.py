@@ -10,6 +10,7 @@ import numpy as np
 import orjson
 
 from acqd.arrays import Floats
+from acqd.discrepancy.averaging import with_like_means
 from acqd.discrepancy.beforehand import PLANNED
 from acqd.discrepancy.causes.belief import shipped
 from acqd.discrepancy.config import CloseConfig
@@ -64,7 +65,7 @@ class Open:
     so_far: Floats
     """[blocks] 1 for recordings that exist."""
     pieces: dict[str, Floats]
-    """Name of a piece -> [blocks] 1 for its blocks."""
+    """Name of a piece -> [blocks] share of its blocks that the loop fits to: the others are held out."""
     contest: Contest
 
     def moments_of(self, weights: Floats) -> Moments:
@@ -94,7 +95,7 @@ def question_of(report: Path, asked: tuple[str, ...], progress: Progress) -> Que
         raise InputError(file, "is no report of acqd close-loop, or an older one; run acqd close-loop again") from None
     if all_named and not asked:
         _require_motion_helps(report, doubted)
-    subject = subject_of(config, progress)
+    subject, _ = with_like_means(subject_of(config, progress))
     if not subject.reference:
         raise UserError(
             f"{report}: the loop had no reference to compare with; close the loop on later recordings first"
@@ -118,9 +119,9 @@ def recorded(question: Question, progress: Progress) -> Setup:
 
 
 def opened(
-    question: Question, so_far: Setup, planned: list[Segment], age_s: float, asked: tuple[str, ...], progress: Progress
+    question: Question, so_far: Setup, planned: list[Segment], asked: tuple[str, ...], progress: Progress
 ) -> Open:
-    """The design of all recordings, with planned pieces `age_s` after the start of their session.
+    """The design of all recordings, with planned pieces of motion.
 
     What is believed, and how far rows can be trusted, follows from the recordings that exist; the pieces only add
     columns. `asked`: ids of the causes to compare; empty: those that the loop cannot yet choose between. Raises
@@ -129,13 +130,13 @@ def opened(
     subject = question.subject
     begins = begins_of([*subject.fit, *subject.held_out])
     known = with_sessions(so_far)
-    begins |= {segment.session: segment.start_s - age_s for segment in planned}
     whole = _set_up(subject, [*subject.fit, *planned], begins, progress, "computing the columns of pieces of motion")
     rows = _trusted_as(known, _with_design(whole, so_far.design))
     names = [part.recording.removeprefix(PLANNED) for part in rows.design.parts[len(known.design.parts) :]]
     exists: Floats = np.concatenate([np.ones(len(known.design.parts)), np.zeros(len(names))])
+    fitted = 1 - 1 / THRESHOLDS.held_out_every
     pieces = {
-        name: np.concatenate([np.zeros(len(known.design.parts)), [other == name for other in names]])
+        name: np.concatenate([np.zeros(len(known.design.parts)), [fitted * (other == name) for other in names]])
         for name in dict.fromkeys(names)
     }
     named = tuple(each for each in question.named if each[0] not in asked)

@@ -73,6 +73,8 @@ class Program:
     path: Path
     report: str
     minutes: float
+    worked_min: float
+    """Work before the recording."""
 
 
 @dataclass(slots=True)
@@ -154,4 +156,4 @@ def _loop(path: Path, report: dict[str, Any]) -> Loop:
 
 
 def _program(path: Path, content: dict[str, Any]) -> Program:
-    return Program(path, str(content["report"]), float(content["seconds"]) / 60)
+    return Program(path, str(content["report"]), float(content["seconds"]) / 60, float(content.get("worked_min", 0.0)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
+from itertools import count
 from pathlib import Path
 from shlex import quote
 from typing import Any, Literal
@@ -119,7 +120,8 @@ def _loop(work: _Work) -> Stage:
     bundle = _path(work.model.path) if work.model else "BUNDLE"
     if work.asked is None:
         says = "record the cell as it is now, in the same way, and close the loop on these recordings"
-        build = "acqd dataset build --power acqd.sqlite --logs logs --robot ROBOT --out ds1"
+        robot = quote(work.reference.robot) if work.reference else "ROBOT"
+        build = f"acqd dataset build --power acqd.sqlite --logs logs --robot {robot} --out ds1"
         return Stage("loop", "now", says, (build, f"acqd close-loop ds1 --model {bundle}"))
     line = f"acqd close-loop {_path(work.asked.path)} --model {bundle}"
     if work.loop is None:
@@ -142,8 +144,13 @@ def _answer(found: Found, work: _Work) -> Stage:
     program = next((each for each in reversed(found.programs) if Path(each.report).name == work.loop.path.name), None)
     if program is None:
         return Stage(name, "now", f"{says}; let acqd design the motion that decides", (f"acqd next {report}",))
-    again = f"acqd close-loop {_path(work.asked.path)} --model {_path(Path(work.loop.model))} --with ds2"
-    build = "acqd dataset build --power acqd.sqlite --logs logs --robot ROBOT --out ds2"
+    taken = {each.path.name for each in found.datasets}
+    name_of_next = next(f"ds{number}" for number in count(2) if f"ds{number}" not in taken)
+    sessions = "".join(f" --with {_path(Path(each))}" for each in [*work.loop.further, name_of_next])
+    again = f"acqd close-loop {_path(work.asked.path)} --model {_path(Path(work.loop.model))}{sessions}"
+    worked = f" --worked {program.worked_min:g}" if program.worked_min else ""
+    recorded = f"--power acqd.sqlite --logs logs --robot {quote(work.asked.robot)}{worked}"
+    build = f"acqd dataset build {recorded} --out {name_of_next}"
     do = f"check and run the program of {program.minutes:.1f} min in {_path(program.path)}, and close the loop again"
     return Stage(name, "now", f"{says}; {do}", (build, again))
 

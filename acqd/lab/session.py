@@ -82,6 +82,8 @@ class Session:
         self._deliver = deliver
         self._keep = keep
         self._effects = make_effects(settings.effects, [settings.seed, cell.number, EFFECTS, number])
+        for effect in self._effects:
+            effect.work(60 * settings.worked_min)
         self._mains = Mains(settings.mains, cell.random(MAINS, number))
         self._daemon = FullSpeedDaemon(self._mains.form, settings.window_s, start_utc_ns)
         self._plant = self._make_plant(self._effects)

@@ -104,6 +104,8 @@ class LabSettings(Section):
     """s, whole milliseconds; None: 40 ms at 50 Hz, 50 ms at 60 Hz, as in the daemon."""
     start_degC: Annotated[float, Field(ge=-20, le=80)] | None = None
     """Gear temperature at the start of each session; None: 30 degC, warm from work."""
+    worked_min: Annotated[float, Field(ge=0, le=1e5)] = 0.0
+    """Minutes that the robot has worked before each session; effects of cold gears have decayed by that time."""
     pause_s: Annotated[float, Field(ge=0.5, le=3600)] = 12.0
     """Between executions; the brakes close after 10 s."""
     motion: MotionSection = MotionSection()

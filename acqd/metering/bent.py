@@ -34,9 +34,10 @@ class Bent:
         swinging = min(_TIMES * self._usual, _SWINGING)
         self.now = kink > max(_LEAST, growth, swinging, _TIMES * self._usual_growth)
         if kink == kink:
-            self._known = min(self._known + 1, _MANY)
-            self._usual += (min(kink, _MOST) - self._usual) / self._known
-            self._usual_growth += (min(growth, _MOST) - self._usual_growth) / self._known
+            if self._known < _MANY:
+                self._known += 1
+            self._usual += ((kink if kink < _MOST else _MOST) - self._usual) / self._known
+            self._usual_growth += ((growth if growth < _MOST else _MOST) - self._usual_growth) / self._known
         return self.now
 
     def state(self) -> State:

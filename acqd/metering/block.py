@@ -31,9 +31,9 @@ def nominal_near(f: float) -> float:
     return min((50 / 3, 50.0, 60.0, 400.0), key=lambda nominal: abs(nominal - f))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)  # as `WindowBatch`: frozen, it would take longer to make
 class SampleBlock:
-    """Consecutive samples of all channels, as converter codes.
+    """Consecutive samples of all channels, as converter codes; nobody changes one.
 
     Channels come in pairs per phase: U1, I1, U2, I2, U3, I3.
     """

@@ -75,6 +75,7 @@ class EnergyRegister:
         self._imported, self._exported = (
             [round(Fraction(pair[k]) / unit) for pair, unit in zip(begin, self._unit, strict=True)] for k in (0, 1)
         )
+        self._readings = self._read()
         self._direction = [0.0] * len(begin)  # of each phase in the last whole window, by its sign
         self._deferred: list[int] = []  # counts of parts of windows against that direction; empty: none
 
@@ -124,6 +125,7 @@ class EnergyRegister:
                 for begin, own, step in zip(begins, running, self._per_step, strict=True)
             ])  # fmt: skip
             registers[:] = [begin + own[-1] for begin, own in zip(begins, running, strict=True)]
+        self._readings = self._read()
         imported, exported = np.array(readings)
         return EnergyColumns(imported, exported)
 
@@ -148,14 +150,17 @@ class EnergyRegister:
 
     def _turn(self, counts: Sequence[float | Fraction]) -> list[float]:
         """Add to the registers; their readings as in `add_window`."""
-        imported, exported = self._imported, self._exported
+        imported, exported, per_step, readings = self._imported, self._exported, self._per_step, self._readings
+        integers, phases = self._integers, len(per_step)
         for phase, sum_ in enumerate(counts):
-            added = int(sum_) if self._integers else self._steps_of(sum_)
-            if added >= 0:
-                imported[phase] += added
-            else:
-                exported[phase] -= added
-        return [*map(mul, imported, self._per_step), *map(mul, exported, self._per_step)]
+            added = int(sum_) if integers else self._steps_of(sum_)
+            if added > 0:
+                total = imported[phase] = imported[phase] + added
+                readings[phase] = total * per_step[phase]
+            elif added:
+                total = exported[phase] = exported[phase] - added
+                readings[phases + phase] = total * per_step[phase]
+        return readings.copy()
 
     def _steps_of(self, sum_: float | Fraction) -> int:
         return round(Fraction(sum_) * self._steps)
@@ -170,6 +175,7 @@ class EnergyRegister:
     def restore(self, state: State) -> None:
         """Go on where `state` was taken."""
         self._imported, self._exported = list(state["imported"]), list(state["exported"])
+        self._readings = self._read()
         self._direction = list(state.get("direction") or [0.0] * len(self._imported))  # files of earlier versions
         self._deferred = list(state.get("deferred", []))
 
@@ -177,6 +183,10 @@ class EnergyRegister:
         """Each phase's (imported, exported) [kWh] now."""
         imported, exported = map(mul, self._imported, self._per_step), map(mul, self._exported, self._per_step)
         return list(zip(imported, exported, strict=True))
+
+    def _read(self) -> list[float]:
+        """Imported readings of all phases, then the exported ones [kWh]."""
+        return [*map(mul, self._imported, self._per_step), *map(mul, self._exported, self._per_step)]
 
 
 def _columns(windows: list[list[float]]) -> EnergyColumns:

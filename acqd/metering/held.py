@@ -60,6 +60,14 @@ class HeldFrequency:
                 break
         return unsettled
 
+    def note_calm(self, f: float, magnitude: float, kink: float, growth: float) -> bool:
+        """As `note`, for a window whose f is like those before; False, and nothing noted, for all others."""
+        if not self._sideband.note_calm(f, magnitude):
+            return False
+        self._recent.append((f, False))
+        self._bent.note(kink, growth)
+        return True
+
     def note(self, f: float, magnitude: float, cycles: Cycles) -> bool:
         """The estimate of one window that was steady [Hz, digits]; whether it is usable."""
         if self._sideband.note(f, magnitude, cycles) is not None:

@@ -34,15 +34,28 @@ class Look(NamedTuple):
     """Sum of |x(t) + x(t + half a cycle)| over the first half of the first cycle; 0 without a whole cycle."""
 
 
+class Looker:
+    """Looks at samples of one stream, one call after the other; one in each thread."""
+
+    def __init__(self, channels: int, cycle: int) -> None:
+        """`cycle` samples are a cycle."""
+        self._channels, self._cycle = channels, cycle
+        self._library = quality_library()
+        self._out = np.empty((len(Look._fields), channels))
+        self._out_at = self._out.ctypes.data
+
+    def at(self, codes: Codes) -> Look:
+        """At samples [samples, channels], at least one. In C where there is a compiler."""
+        bits = _BITS.get(codes.dtype)
+        if self._library is None or bits is None or not codes.flags.c_contiguous:
+            return look_by_numpy(codes, self._cycle)
+        self._library.acqd_look(codes.ctypes.data, bits, self._channels, len(codes), self._cycle, self._out_at)
+        return Look._make(self._out.tolist())
+
+
 def look_at(codes: Codes, cycle: int) -> Look:
-    """At samples [samples, channels], at least one; `cycle` samples are a cycle. In C where there is a compiler."""
-    library, bits = quality_library(), _BITS.get(codes.dtype)
-    if library is None or bits is None or not codes.flags.c_contiguous:
-        return look_by_numpy(codes, cycle)
-    samples, channels = codes.shape
-    out = np.empty((9, channels))
-    library.acqd_look(codes.ctypes.data, bits, channels, samples, cycle, out.ctypes.data)
-    return Look(*out.tolist())
+    """At samples [samples, channels], at least one; `cycle` samples are a cycle."""
+    return Looker(codes.shape[1], cycle).at(codes)
 
 
 def look_by_numpy(codes: Codes, cycle: int) -> Look:

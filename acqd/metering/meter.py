@@ -26,7 +26,7 @@ from acqd.metering.piece import LiveWindow, Piece
 from acqd.metering.reference_path import ReferencePath
 from acqd.metering.stream import WindowStream
 from acqd.metering.whole_cycles import CYCLES
-from acqd.metering.window import WindowBatch, WindowGrid
+from acqd.metering.window import OneWindow, WindowBatch, WindowGrid, batch_of
 
 Mode = Literal["synchronous", "fixed"]
 
@@ -180,7 +180,8 @@ class Meter:
         flags = [[set(names) for names in piece.flags[windows]] for _ in self._phases]
         for k, one in enumerate(found):
             mark_phases(flags, k, one.mark)
-        Vrms, Irms, P, Q1, imported, exported = np.concatenate([one.quantities for one in found], axis=2)
+        numbers = np.array([one.quantities + one.readings for one in found]).T
+        Vrms, Irms, P, Q1, imported, exported = numbers.reshape(6, len(self._phases), -1)
         f = np.array([one.f for one in found])
         return WindowBatch(piece.seq[windows], piece.utc_ns[windows], Vrms, Irms, P, f, imported, exported, Q1, flags)
 
@@ -192,14 +193,12 @@ class Meter:
         if metered is None:
             kernel.give_back()
             return self._numpy.whole(window.piece(), self.energy)
-        f, mark, (Vrms, Irms, P, Q1, imported, exported) = metered
-        flags = [[set(window.flags)] for _ in self._phases]
-        if mark:
-            mark_phases(flags, 0, mark)
-        return WindowBatch(
-            np.array((window.seq,)), np.array((window.utc_ns,)), Vrms, Irms, P, np.array((f,)), imported, exported, Q1,
-            flags,
-        )  # fmt: skip
+        flags = None
+        if metered.mark or window.flags:
+            flags = [[set(window.flags)] for _ in self._phases]
+            mark_phases(flags, 0, metered.mark)
+        one = OneWindow(window.seq, window.utc_ns, metered.f, metered.quantities, metered.readings, flags)
+        return batch_of(one)
 
     def _of_kernel(
         self, seq: NDArray[np.int64], utc_ns: NDArray[np.int64], named: Sequence[frozenset[str]], usual: Metered

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,7 +52,8 @@ class Piece:
         return [[set(flags) for flags in self.flags] for _ in range(phases)]
 
 
-class LiveWindow(NamedTuple):
+@dataclass(slots=True)
+class LiveWindow:
     """The usual window of a running stream: whole, and from blocks of the same flags."""
 
     seq: int

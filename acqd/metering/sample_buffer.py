@@ -50,11 +50,12 @@ class SampleBuffer:
 
     def append(self, codes: Codes) -> None:
         """Copy the next samples. Codes of another type make an array of a type that holds both."""
-        if self._to + len(codes) > len(self.codes) or codes.dtype != self.codes.dtype:
+        begin, count = self._to, len(codes)
+        if begin + count > len(self.codes) or codes.dtype != self.codes.dtype:
             self._make_room(codes)
-        to = self._to + len(codes)
-        self.codes[self._to : to] = codes
-        self._to = to
+            begin = self._to
+        self._to = begin + count
+        self.codes[begin : self._to] = codes
 
     def forget(self, number: int) -> None:
         """Samples before `number`."""
@@ -68,6 +69,6 @@ class SampleBuffer:
         old, kept = self.run, self._to - self.begin
         least, dtype = kept + len(codes), np.promote_types(old.dtype, codes.dtype)
         if least > len(self.codes) or dtype != old.dtype:
-            self.codes = np.empty((least if least > _ROOM else 4 * least, old.shape[1]), dtype)
+            self.codes = np.empty((least if least > _ROOM else 8 * least, old.shape[1]), dtype)
         self.codes[:kept] = old
         self.begin, self._to = 0, kept

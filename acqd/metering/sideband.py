@@ -151,6 +151,22 @@ class Sideband:
         self._bent.extend([False] * count)
         return count
 
+    def note_calm(self, f: float, magnitude: float) -> bool:
+        """`note_quiet` of a single window, as all are while a stream runs; whether it has been taken."""
+        low, high = self._low, self._high
+        if f < low:
+            low = f
+        elif f > high:
+            high = f
+        if not self._left or high - low >= SPREAD:
+            return False
+        self._low, self._high = low, high
+        self._left -= 1
+        self._f.append(f)
+        self._magnitude.append(magnitude)
+        self._bent.append(False)
+        return True
+
     def note_all(self, f: Sequence[float], magnitude: Sequence[float]) -> bool:
         """The next windows at once, all steady: whether an interharmonic moves f in the last one.
 

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from acqd.metering.block import Codes, SampleBlock, StreamFormat
 from acqd.metering.integrity import flags_of
-from acqd.metering.look import Look, look_at
+from acqd.metering.look import Look, Looker
 from acqd.metering.packed import State
 
 _EVERY_S = 0.4
@@ -30,6 +30,7 @@ class SignalWatch:
     def __init__(self, form: StreamFormat) -> None:
         self.form = form
         self._cycle = round(form.rate / form.f_nominal)
+        self._looker = Looker(len(form.scale), self._cycle)
         self._every = round(_EVERY_S * form.rate)
         self._next = 0
         self._flags: frozenset[str] = frozenset()
@@ -65,23 +66,29 @@ class SignalWatch:
         due, faulty = index >= self._next, bool(self._flags)
         if faulty and not due:
             return
-        look = look_at(codes, self._cycle)
+        look, samples = self._looker.at(codes), len(codes)
         ends = zip(look.least, look.most, look.at_least, look.at_most, strict=True)
-        shares = [(low + high * (least < most)) / len(codes) for least, most, low, high in ends]
-        if due or self._stands_out(shares, look, len(codes)):
+        shares = [((low + high) if least < most else low) / samples for least, most, low, high in ends]
+        if due or self._stands_out(shares, look, samples):
             self._flags = flags_of(codes, self._cycle, look)
             # A fault is looked at again after twice the time: it is flagged for at most twice as long as it lasts.
-            self._pause = min(2 * self._pause, self._every) if faulty else len(codes)
+            self._pause = min(2 * self._pause, self._every) if faulty else samples
             self._next = index + (self._pause if self._flags else self._every)
         if not self._flags:
             known = self._most or [0.0] * len(shares)
-            self._most = [max(_LONGER * now, _FORGET * usual) for now, usual in zip(shares, known, strict=True)]
+            self._most = [
+                _LONGER * now if _LONGER * now > _FORGET * usual else _FORGET * usual
+                for now, usual in zip(shares, known, strict=True)
+            ]
 
     def _stands_out(self, shares: list[float], look: Look, samples: int) -> bool:
         """Whether a fault may have come since the last look."""
-        slack = _FEW / samples
-        if not self._most or any(now > usual + slack for now, usual in zip(shares, self._most, strict=True)):
+        if not self._most:
             return True
+        slack = _FEW / samples
+        for now, usual in zip(shares, self._most, strict=True):
+            if now > usual + slack:
+                return True
         if self.form.bits != 16 or max(look.most) <= _END:
             return False
         return any(most > _END and least < -_END for most, least in zip(look.most, look.least, strict=True))

@@ -42,25 +42,30 @@ class WindowStream:
 
         None: the block is another one, for `feed`, and was not taken.
         """
-        samples, index, marks = self._samples, block.index, self._marks
+        samples, flags = self._samples, block.flags
         start, stop, following = self._edges
-        end = index + len(block.codes)
-        if samples is None or index != samples.end or not stop <= end < following or self._orphans:
+        end = block.index + len(block.codes)
+        if samples is None or block.index != samples.end or not stop <= end < following or self._orphans:
             return None
-        if marks:
-            if len(marks) > 1 or marks[0][2] != block.flags or not (marks[0][0] <= start and marks[0][1] == index):
+        if self._marks or flags:
+            if not self._goes_on(block, start):
                 return None
-            marks[0] = (marks[0][0], end, marks[0][2])
-        elif block.flags:
-            return None
+            self._marks[0] = (self._marks[0][0], end, flags)
         samples.append(block.codes)
-        seq, (anchor, utc_ns), oldest = self._next, self._anchor, samples.begin
-        base = samples.origin - oldest
-        self._next += 1
+        seq, oldest, (anchor, utc_ns) = self._next, samples.begin, self._anchor
+        shift = oldest - samples.origin
+        self._next = seq + 1
         self._edges = stop, following, self._grid.start(seq + 3)
         samples.forget(stop - self._history)
         utc_ns += round((start - anchor) * 1e9 / self._grid.rate)
-        return LiveWindow(seq, utc_ns, samples.codes, start - base, stop - base, block.flags, oldest)
+        return LiveWindow(seq, utc_ns, samples.codes, start + shift, stop + shift, flags, oldest)
+
+    def _goes_on(self, block: SampleBlock, start: int) -> bool:
+        """Whether the flags of `block` are just those of all samples since `start`."""
+        if len(self._marks) != 1:
+            return False
+        first, after, named = self._marks[0]
+        return named == block.flags and first <= start and after == block.index
 
     def state(self) -> State:
         """Samples that belong to no whole window yet, with the history before them, and the clock."""

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,8 +42,43 @@ class WindowGrid:
         return number
 
 
+@dataclass(slots=True)
+class OneWindow:
+    """Quantities of a single window as plain numbers: arrays of one number would take as long as the metering."""
+
+    seq: int
+    utc_ns: int
+    f: float
+    quantities: list[float]
+    """Vrms, Irms, P, Q1 of all phases."""
+    readings: list[float]
+    """kWh: imported of all phases, then exported."""
+    flags: list[list[set[str]]] | None
+    """[phases][1] row flags; None: there are none."""
+
+
+class _Columns:
+    """Makes the columns of a batch of one window when somebody asks for the first of them."""
+
+    __slots__ = ("_one",)
+    _one: OneWindow
+
+    if not TYPE_CHECKING:  # to a type checker, every attribute would be there
+
+        def __getattr__(self, name: str) -> Any:
+            """Called for what is not there yet."""
+            if name not in _NAMES:
+                raise AttributeError(f"a batch of windows has no {name!r}")
+            one, phases = self._one, len(self._one.readings) // 2
+            rows = np.array((*one.quantities, *one.readings)).reshape(-1, phases, 1)
+            self.Vrms, self.Irms, self.P, self.Q1, self.imported, self.exported = rows
+            self.seq, self.utc_ns, self.f = np.array((one.seq,)), np.array((one.utc_ns,)), np.array((one.f,))
+            self.flags = [[set()] for _ in range(phases)] if one.flags is None else one.flags
+            return getattr(self, name)
+
+
 @dataclass(slots=True)  # frozen, it would take a microsecond longer to make, of the fifteen of a window
-class WindowBatch:
+class WindowBatch(_Columns):
     """Quantities of consecutive windows; NaN where a quantity does not exist."""
 
     seq: NDArray[np.int64]
@@ -94,3 +130,13 @@ class WindowBatch:
         phases = len(batches[0].flags)
         flags = [[row for batch in batches for row in batch.flags[phase]] for phase in range(phases)]
         return WindowBatch(**columns, flags=flags)
+
+
+def batch_of(one: OneWindow) -> WindowBatch:
+    """A batch of a single window."""
+    batch = WindowBatch.__new__(WindowBatch)
+    batch._one = one  # type: ignore[misc]  # mypy knows the slots of the dataclass only
+    return batch
+
+
+_NAMES = frozenset(field.name for field in fields(WindowBatch))

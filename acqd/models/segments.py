@@ -59,6 +59,8 @@ class Segment:
     """Half the width of the 95 % interval of the lag between power and motion, s; 0 for a lag that was given."""
     session: str = ""
     """Of recordings in question from several sessions: each session starts with gears of its own temperature."""
+    worked_s: float = 0.0
+    """How long the robot had worked when its session began, s: gears are that warm."""
 
     def around(self, radius: int) -> Floats:
         """Angles [T + 2 radius, axes] rad: the known ones before and after; beyond these the motion fades."""
@@ -179,6 +181,7 @@ def segments_of(columns: dict[str, NDArray[Any]], entry: dict[str, object], step
                 content,
                 labels={name: columns[name][rows] for name in LABELS if name in columns},
                 lag_within_s=float(entry.get("lag_within_s") or 0.0),  # type: ignore[arg-type]
+                worked_s=60 * float(entry.get("worked_min") or 0.0),  # type: ignore[arg-type]
             )
         )
     return segments

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from datetime import datetime
-from operator import attrgetter
+from operator import attrgetter, mul, sub
 from typing import Annotated, Literal, Protocol, TypeVar
 
 import msgspec
@@ -132,30 +132,28 @@ def rows_of(batch: WindowBatch, device: str, boot: str) -> Iterator[PowerRow]:
     Vrms and Irms of the total are effective values of the system; P, S (arithmetic) and W are sums of the phases.
     """
     phases = range(len(batch.P))
-    Vrms, Irms, P = batch.Vrms.tolist(), batch.Irms.tolist(), batch.P.tolist()
-    imported, exported, f = batch.imported.tolist(), batch.exported.tolist(), batch.f.tolist()
-    for k, (seq, utc_ns) in enumerate(zip(batch.seq.tolist(), batch.utc_ns.tolist(), strict=True)):
-        named, stamp, ticks = [batch.flags[p][k] for p in phases], rfc3339(utc_ns), filetime(utc_ns)
-        rows = [
-            (Vrms[p][k], Irms[p][k], P[p][k], Vrms[p][k] * Irms[p][k], imported[p][k] - exported[p][k]) for p in phases
-        ]
-        flags = [sorted(names) for names in named]
-        channels = CHANNELS[: len(phases)]
+    channels = CHANNELS[: len(phases)] if len(phases) == 1 else (*CHANNELS[: len(phases)], "total")
+    columns = (batch.Vrms, batch.Irms, batch.P, batch.imported, batch.exported)
+    Vrms, Irms, P, imported, exported = (column.T.tolist() for column in columns)
+    windows = zip(batch.seq.tolist(), batch.utc_ns.tolist(), batch.f.tolist(), strict=True)
+    for k, (seq, utc_ns, f) in enumerate(windows):
+        stamp, ticks = rfc3339(utc_ns), filetime(utc_ns)
+        V, A, watts = Vrms[k], Irms[k], P[k]
+        VA, kWh = [*map(mul, V, A)], [*map(sub, imported[k], exported[k])]
+        named = [batch.flags[p][k] for p in phases]
+        flags = [sorted(names) for names in named] if any(named) else [[] for _ in phases]
         if len(phases) > 1:
-            V, A, watts, VA, kWh = zip(*rows, strict=True)
-            rows.append((effective(V), effective(A), sum(watts), sum(VA), sum(kWh)))
-            flags.append(_total_flags(named))
-            channels += ("total",)
-        for channel, (V_k, A_k, P_k, S_k, W_k), names in zip(channels, rows, flags, strict=True):
+            flags.append(_total_flags(named) if any(flags) else [])
+            V, A = [*V, effective(V)], [*A, effective(A)]
+            watts, VA, kWh = [*watts, sum(watts)], [*VA, sum(VA)], [*kWh, sum(kWh)]
+        f_known = f if f == f else None  # None for NaN; as calls, these would take a sixth of the time of all
+        for channel, V_k, A_k, P_k, S_k, W_k, names in zip(channels, V, A, watts, VA, kWh, flags, strict=True):
+            PF = power_factor(P_k, S_k)
             yield PowerRow(
-                device, channel, boot, seq, stamp, ticks, _known(V_k), _known(A_k), _known(P_k), _known(S_k),
-                _known(power_factor(P_k, S_k)), _known(f[k]), _known(W_k), names,
+                device, channel, boot, seq, stamp, ticks, V_k if V_k == V_k else None, A_k if A_k == A_k else None,
+                P_k if P_k == P_k else None, S_k if S_k == S_k else None, PF if PF == PF else None, f_known,
+                W_k if W_k == W_k else None, names,
             )  # fmt: skip
-
-
-def _known(value: float) -> float | None:
-    """None for NaN."""
-    return value if value == value else None
 
 
 def _total_flags(phases: list[set[str]]) -> list[str]:

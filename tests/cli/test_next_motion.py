@@ -25,6 +25,12 @@ from tests.discrepancy.independent import added_payload
         (("{loop}", "--cause", "clock_drift"), "another session has other clocks"),
         (("{loop}", "--scene", "nosuch"), "nosuch"),
         (("{loop}", "--out", "{ds}"), "choose another --out"),
+        (("{broken}",), "is no report of acqd close-loop"),
+        (("{gone}",), "nowhere/ds: no such folder"),
+        (("{loop}", "--cause", "nosuch"), "no such effect"),
+        (("{loop}", "--minutes", "nan"), "--minutes"),
+        (("{loop}", "--limit-speed", "0"), "--limit-speed"),
+        (("{loop}", "--scene", "{broken}/report.json"), "report.json"),
     ],
 )
 def test_bad_input_is_one_line_and_exit_2(closed, tmp_path, arguments, said):
@@ -32,11 +38,50 @@ def test_bad_input_is_one_line_and_exit_2(closed, tmp_path, arguments, said):
     (tmp_path / "old").mkdir()
     (tmp_path / "old" / "report.json").write_text(json.dumps({"verdict": "nothing_left", "effects": []}))
     places = {"loop": folder / "now" / "ds.loop", "ds": folder / "now" / "ds", "old": tmp_path / "old"}
+    for name, content in (("broken", b"{"), ("gone", _without_dataset(places["loop"]))):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "report.json").write_bytes(content)
+        places[name] = tmp_path / name
     out = () if "--out" in arguments else ("--out", tmp_path / "next")
     done = acqd_here("next", *(each.format(**places) for each in arguments), *out)
     assert done.returncode == 2
     assert said in done.stderr and len(done.stderr.strip().splitlines()) == 1
     assert not (tmp_path / "next").exists()
+
+
+def _without_dataset(loop):
+    report = json.loads((loop / "report.json").read_bytes())
+    return json.dumps(report | {"asked": report["asked"] | {"dataset": "/nowhere/ds"}}).encode()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("robot", "ability", "{model}", "--motion", "nowhere"), "no such folder"),
+        (("robot", "ability", "{model}", "--motion", "{log}"), "ur10e has 6 axes"),
+        (("robot", "ability", "{model}", "--motion", "{empty}"), "is empty"),
+        (("robot", "ability", "{ds}"), "is not a bundle"),
+        (("guide", "nowhere"), "no such folder"),
+        (("guide", "{log}"), "is a file"),
+        (("guide", "{model}", "--html", "nowhere/way.html"), "cannot be written"),
+        (("close-loop", "{ds}", "--with", "nowhere", "--model", "{model}"), "no such folder"),
+        (("close-loop", "{ds}", "--with", "{log}", "--model", "{model}"), "is not a dataset"),
+        (("close-loop", "{ds}", "--with", "{ds}", "--model", "{model}"), "in question already"),
+        (("dataset", "build", "--power", "p", "--logs", "l", "--out", "o", "--worked", "-1"), "--worked"),
+        (("dataset", "build", "--power", "p", "--logs", "l", "--out", "o", "--worked", "nan"), "--worked"),
+        (("lab", "execute", "{log}", "--out", "o", "--worked", "-1"), "--worked"),
+        (("lab", "investigate", "--out", "o"), "name the change to hide"),
+    ],
+)
+def test_every_stage_of_the_way_refuses_bad_input_in_one_line(closed, tmp_path, arguments, said):
+    folder, _ = closed
+    (tmp_path / "log.csv").write_text("time,q1,q2\n0,1,2\n1,1,2\n")
+    (tmp_path / "empty.csv").write_text("")
+    places = {"model": folder / "model", "ds": folder / "now" / "ds"}
+    places |= {name: tmp_path / f"{name}.csv" for name in ("log", "empty")}
+    done = acqd_here(*(each.format(**places) for each in arguments), cwd=tmp_path)
+    assert done.returncode == 2 and said in done.stderr, done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1 and not (tmp_path / "o").exists()
 
 
 def test_equipment_that_switches_by_itself_needs_no_motion(closed, tmp_path):

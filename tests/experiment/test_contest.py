@@ -127,3 +127,21 @@ def test_uncertain_sizes_make_a_name_less_certain():
     at = moments(150, 0.3, 2)
     assert probability(unsure, at) < probability(sure, at)
     assert replace(unsure.causes[0], deviation=0.0).sizes()[0] == pytest.approx(np.ones(7))
+
+
+def test_a_law_takes_the_place_of_a_name_only_where_the_law_is_ahead_by_the_margin():
+    law = replace(RIVAL, id="", label="a friction of another curve")
+    alike = moments(100, 0.9999, 2)
+    assert probability(contest(), alike) < 0.01  # an effect that looks alike
+    assert probability(contest(rivals=(law,)), alike) > 0.99
+    unnamed = replace(contest().causes[0], candidate=replace(CAUSE, id="", label="another law"))
+    among_laws = Contest.of((unnamed,), (law,), [np.full(1, 10.0)], np.array([1e-6]), 1.0, 20)
+    assert probability(among_laws, alike) < 0.01  # nothing is preferred
+
+
+def test_the_closest_rival_is_the_one_that_is_said_most_easily():
+    law = replace(RIVAL, id="", label="a friction of another curve", key="law")
+    effect = replace(RIVAL, indices=np.array([2]), key="effect")
+    squares = 100 * np.array([[1.0, 0.999, 0.9], [0.999, 1.0, 0.9], [0.9, 0.9, 1.0]])
+    both = contest(rivals=(law, effect))
+    assert both.closest(Moments(100 * BASE, np.zeros((1, 3)), squares)) == ["gravity_bias (link 6)"]

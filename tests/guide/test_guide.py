@@ -66,8 +66,10 @@ def test_every_step_of_the_work_asks_for_the_next_one(tmp_path):
     assert now(tmp_path).commands == (f"acqd close-loop {tmp_path}/ds1 --model {tmp_path}/ds0.models/a",)
     report(tmp_path, 0.51)
     assert now(tmp_path).commands == (f"acqd next {tmp_path}/ds1.loop",) and "51 %" in now(tmp_path).says
-    write(tmp_path / "ds1.loop.next" / "next.json", {"report": "ds1.loop", "seconds": 176.0})
-    assert "2.9 min" in now(tmp_path).says and now(tmp_path).commands[-1].endswith("--with ds2")
+    write(tmp_path / "ds1.loop.next" / "next.json", {"report": "ds1.loop", "seconds": 176.0, "worked_min": 120.0})
+    build, again = now(tmp_path).commands
+    assert "2.9 min" in now(tmp_path).says and again.endswith("--with ds2")
+    assert build.endswith("--robot ur10e --worked 120 --out ds2")
     report(tmp_path, 0.97)
     assert set(way(tmp_path).values()) == {"done"}
 

@@ -64,14 +64,23 @@ _SECTIONS: dict[str, list[Callable[[], Iterator[Figure]]]] = {
 }
 
 
+def chosen(only: list[str] | None) -> list[str]:
+    """Names of sections, given one by one or with commas between them. Raises OperationError for other names."""
+    names = [name.strip() for each in only or _SECTIONS for name in each.split(",")]
+    for name in names:
+        if name not in _SECTIONS:
+            raise OperationError(f"--only {name}: no such section; expected {', '.join(_SECTIONS)}")
+    return names
+
+
 def bench(
-    only: Annotated[list[str] | None, typer.Option(help=f"Sections to run: {', '.join(_SECTIONS)}.")] = None,
+    only: Annotated[list[str] | None, typer.Option(help=f"Sections to run, a,b: {', '.join(_SECTIONS)}.")] = None,
     out: Annotated[Path, typer.Option(help="JSON file to write.")] = Path("bench.json"),
 ) -> None:
     """Measure everything, print a table and write the figures to a JSON file."""
     figures: list[Figure] = []
     progress = Console(stderr=True)
-    for name in only or _SECTIONS:
+    for name in chosen(only):
         for measure in _SECTIONS[name]:
             with progress.status(f"measuring {name}: {measure.__name__}"):
                 figures += measure()

@@ -91,11 +91,14 @@ class Circle:
         if not design.exists():
             acqd_json("next", now["folder"], "--limit-speed", "100", "--out", design)
         promised = json.loads((design / "next.json").read_bytes())
+        work_min = promised.get("worked_min")
+        worked = ("--worked", str(work_min)) if work_min else ()
         executed = self.out / f"{name}.executed"
         if not executed.exists():
-            robot = ("--robot", self.robot, "--seed", str(self.seed), "--effect", cause)
+            robot = ("--robot", self.robot, "--seed", str(self.seed), "--effect", cause, *worked)
             acqd_json("lab", "execute", design / "motion.csv", *robot, "--out", executed)
-        second = self.dataset(f"{name}.second", (executed / "rows.jsonl", executed / "motion.csv"), "--cut", "45")
+        files = executed / "rows.jsonl", executed / "motion.csv"
+        second = self.dataset(f"{name}.second", files, "--cut", "45", *worked)
         other = self.campaign(f"{name}.random", _RANDOM, "--undeclared", cause)
         reports = {
             "now": now, "designed": self.closed(short, second),

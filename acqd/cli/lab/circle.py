@@ -35,14 +35,17 @@ class Circle:
         """Folder of the closing report."""
         return self.out / "after.ds.loop"
 
-    def close(self, before: tuple[object, ...], after: tuple[object, ...]) -> dict[str, Any]:
-        """report.json of the loop. `before`, `after`: further words of the campaigns.
+    def close(
+        self, before: tuple[object, ...], after: tuple[object, ...], worked: tuple[object, ...] = ()
+    ) -> dict[str, Any]:
+        """report.json of the loop. `before`, `after`: further words of the campaigns; `worked`: of the first dataset.
 
         Commands that do not need each other run at the same time. Raises UserError, OperationError.
         """
         self.steps.run(*(self._campaign(name, words) for name, words in (("before", before), ("after", after))))
         sources = {name: (self.out / name / "power.sqlite", self.out / name / "logs") for name in ("before", "after")}
-        self.steps.run(*(self.dataset(f"{name}.ds", *files) for name, files in sources.items()))
+        since: dict[str, tuple[object, ...]] = {"before": worked, "after": ()}
+        self.steps.run(*(self.dataset(f"{name}.ds", *files, *since[name]) for name, files in sources.items()))
         self.steps.run(Step.of(self.model, "train", self.out / "before.ds", "--network", "grey-box"))
         words = ("close-loop", self.out / "after.ds", "--model", self.model)
         self.steps.run(Step.of(self.loop / "report.json", *words))

@@ -28,6 +28,9 @@ def execute(
     seed: Seed = None,
     robot_seed: RobotSeed = None,
     effect: Effects = None,
+    worked: Annotated[
+        float | None, typer.Option(min=0, metavar="MINUTES", help="That the robot has worked before: gears are warm.")
+    ] = None,
     settings: LabFile = None,
     config: Annotated[
         Path | None, typer.Option("--config", "-c", help="acqd.toml for --live; must be named here.")
@@ -49,7 +52,7 @@ def execute(
     if live == (out is not None):
         raise UserError("give either --out FOLDER (full speed, to files) or --live (real time, over MQTT)")
     specs = [parse_effect(text) for text in effect or []]
-    given = {"robot": robot, "scene": scene, "seed": seed, "robot_seed": robot_seed}
+    given = {"robot": robot, "scene": scene, "seed": seed, "robot_seed": robot_seed, "worked_min": worked}
     chosen = settings_from(LabSettings, settings, given, specs)
     if out is not None:
         report = lab.execute(chosen, file, out, waveform=waveform)

@@ -23,6 +23,8 @@ from acqd.extras import LOOP, MOTION, require
 
 _SHORT = ("--limited", "4", "--all", "0")
 """Recordings after the change: two minutes with the tool down leave small changes open."""
+_WARM = ("--worked", 120)
+"""The gears of the virtual robot are warm from work; a hidden change may begin with cold ones."""
 _CUT_S = "45"
 """Pieces of the designed recording: the loop needs several."""
 
@@ -78,7 +80,7 @@ def _run(circle: Circle, plant: tuple[str, ...], undeclared: list[str], minutes:
     asked = {"undeclared": undeclared, "robot": circle.robot, "plant": [*plant], "minutes": minutes}
     steps.claim("investigate.json", asked, "circle")
     hidden = tuple(word for text in undeclared for word in ("--undeclared", text))
-    first = circle.close(("--limited", 4, "--all", 8, *plant), (*_SHORT, *plant, *hidden))
+    first = circle.close(("--limited", 4, "--all", 8, *plant), (*_SHORT, *plant, *hidden), _WARM)
     found = {"undeclared": undeclared, "simulated": True, "first": belief(first), "designed": None, "both": None}
     if _settled(first):
         return found
@@ -89,20 +91,14 @@ def _run(circle: Circle, plant: tuple[str, ...], undeclared: list[str], minutes:
         return found | {"designed": designed}
     effects = [word.replace("--undeclared", "--effect") for word in hidden]
     executed = out / "executed"
-    words = ("lab", "execute", design / "motion.csv", "--out", executed, "--robot", circle.robot, *plant, *effects)
-    steps.run(Step.of(executed / "report.html", *words))
-    steps.run(circle.dataset("second.ds", executed / "rows.jsonl", executed / "motion.csv", "--cut", _CUT_S))
-    words = (
-        "close-loop",
-        out / "after.ds",
-        "--with",
-        out / "second.ds",
-        "--model",
-        circle.model,
-        "--out",
-        out / "both",
-    )
-    steps.run(Step.of(out / "both" / "report.json", *words))
+    work_min = designed.get("worked_min")  # a program of an earlier acqd does not ask for any
+    worked = ("--worked", work_min) if work_min else ()
+    robot = ("--robot", circle.robot, *plant, *effects, *worked)
+    steps.run(Step.of(executed / "report.html", "lab", "execute", design / "motion.csv", "--out", executed, *robot))
+    files = executed / "rows.jsonl", executed / "motion.csv"
+    steps.run(circle.dataset("second.ds", *files, "--cut", _CUT_S, *worked))
+    sessions = ("close-loop", out / "after.ds", "--with", out / "second.ds")
+    steps.run(Step.of(out / "both" / "report.json", *sessions, "--model", circle.model, "--out", out / "both"))
     return found | {"designed": designed, "both": belief(report_of(out / "both"))}
 
 

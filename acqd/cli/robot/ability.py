@@ -20,7 +20,10 @@ def ability(
     model: Annotated[Path, typer.Argument(metavar="BUNDLE", help="Grey-box model of the robot as it is.")],
     motion: Annotated[
         Path | None,
-        typer.Option(metavar="DS", help="Dataset with the motion (default the motion that the model remembers)."),
+        typer.Option(
+            metavar="DS|LOG|PROGRAM",
+            help="Dataset, robot log or laboratory program with the motion (default: what the model remembers).",
+        ),
     ] = None,
     minutes: Annotated[
         float | None,

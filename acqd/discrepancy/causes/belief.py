@@ -15,7 +15,7 @@ asks that the case is exchangeable with those of the calibration: plants of anot
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cache
 from importlib.resources import files
 from typing import Any
@@ -148,6 +148,12 @@ def given_lead(belief: Belief, name: str, confidence: float, rivals: Mapping[str
     shares = dict(sorted(shares.items(), key=lambda pair: -pair[1]))
     enough = int(np.searchsorted(np.cumsum(list(shares.values())), 1 - MISSED)) + 1
     return Belief(shares, tuple(shares)[:enough])
+
+
+def with_member(belief: Belief, label: str) -> Belief:
+    """The same probabilities; the set holds the label."""
+    members = {*belief.members, label}
+    return replace(belief, members=tuple(each for each in belief.probabilities if each in members))
 
 
 def class_of(label: str) -> str:

@@ -248,7 +248,7 @@ def _remember_common(scenes: Scenes, effects: list[Effect], begins: Mapping[str,
     for session, segment in zip(sessions, scenes.segments, strict=True):
         origins[session] = min(segment.start_s, origins.get(session, np.inf))
     for k, session in enumerate(sessions):
-        scenes.remember(k, {"origin_s": origins[session]})
+        scenes.remember(k, {"origin_s": origins[session], "worked_s": scenes.segments[k].worked_s})
     for effect in effects:
         fixed = effect.fixed_shape(scenes)
         for k in range(len(scenes)):

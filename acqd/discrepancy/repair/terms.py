@@ -74,9 +74,13 @@ class Reported:
 
     @property
     def may_be_nothing(self) -> bool:
-        """Whether all intervals of an effect hold zero; never for what shifts of whole recordings show."""
-        intervals = [each["ci95"] for each in self.term.parameters.values() if each["ci95"] is not None]
-        return self.hypothesis is not None and bool(intervals) and all(low <= 0.0 <= high for low, high in intervals)
+        """Whether all intervals of sizes hold zero; never for what shifts of whole recordings show.
+
+        The interval of a shape says nothing: a power from which clipping begins is never zero.
+        """
+        sizes = [each["ci95"] for name, each in self.term.parameters.items() if name not in self.term.shape]
+        known = [ends for ends in sizes if ends is not None]
+        return self.hypothesis is not None and bool(known) and all(low <= 0.0 <= high for low, high in known)
 
     @property
     def key(self) -> str:
@@ -100,7 +104,7 @@ def reported(selection: Selection, selected: Selected, scale: TorqueScale) -> Re
     shape = dict(selected.shape)
     design = selection.design
     if library()[selected.id].follows_clock:
-        shape |= _session_starts(selection)
+        shape |= _session_starts(selection, library()[selected.id])
     open_ = [part for part, acts in zip(design.parts, selected.gate.open, strict=True) if acts]
     if selected.gate.start is not None:
         shape["begin_s"] = min(part.start_s for part in open_)  # the key that bundles have
@@ -119,11 +123,12 @@ def reported(selection: Selection, selected: Selected, scale: TorqueScale) -> Re
     )  # fmt: skip
 
 
-def _session_starts(selection: Selection) -> dict[str, float]:
-    """UTC of the start of the sessions in question, s, in the keys of a bundle."""
+def _session_starts(selection: Selection, effect: Effect) -> dict[str, float]:
+    """UTC of the start of the sessions in question, s, in the keys of a bundle; gears started with their work."""
     scenes = selection.design.columns.scenes
     asked = [scene for scene, side in zip(scenes, scenes.in_question, strict=True) if side]
-    origins = sorted({float(scene.memory["origin_s"]) for scene in asked})
+    worked = 0.0 if effect.acts_on == "clock" else 1.0
+    origins = sorted({float(scene.memory["origin_s"] - worked * scene.memory["worked_s"]) for scene in asked})
     return {f"{ORIGIN}_{k}" if k else ORIGIN: origin for k, origin in enumerate(origins)}
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from acqd.discrepancy.causes.belief import MISSED, NOTHING, OUTSIDE, Belief, given_lead, shipped
+from acqd.discrepancy.causes.belief import MISSED, NOTHING, OUTSIDE, Belief, given_lead, shipped, with_member
 from acqd.discrepancy.closed import Closed
 from acqd.discrepancy.repair.terms import Reported
 from acqd.models.effects import library
@@ -22,8 +22,8 @@ def believed(closed: Closed) -> Belief | None:
     if standing is None or not closed.subject.reference or closed.subject.chosen != frozenset(library()):
         return None
     belief, lead = shipped().believed(standing), leading(closed)
-    if lead is None:
-        return belief
+    if lead is None:  # no cause was found: the verdict excludes nothing only where a structure is proven
+        return belief if closed.verdict == "unknown_structure" else with_member(belief, NOTHING)
     rivals: dict[str, float] = {}
     for name, share in lead.alternatives:
         label = name if name in library() else OUTSIDE

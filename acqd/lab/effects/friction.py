@@ -103,6 +103,11 @@ class ThermalFriction(_Friction):
         """The gears are cold."""
         self._warmth = 0.0  # 0 cold to 1 warm
 
+    def work(self, seconds: float) -> None:
+        """The gears have warmed up, unless they become cold later."""
+        if self.onset == (1, 0.0):
+            self._warmth = float(-np.expm1(-seconds / (60 * self["minutes"])))
+
     def torque(self, situation: Situation) -> Floats:
         """Viscous torque of the part that is still cold, [T, axes] Nm."""
         qd = situation.motion.qd
@@ -128,6 +133,21 @@ class GearRipple(_Friction):
         """Sine of the gear's angle, [T, axes] Nm. The torque is conservative: on average only copper loss remains."""
         angle = situation.motion.q * self["periods"]
         return self["torque_Nm"] * np.sin(angle) * self._axis_gate(situation)
+
+
+class Spring(_Friction):
+    """A hose package that pulls a joint back: the closing loop has no name for this effect."""
+
+    id = "spring"
+    summary = "a spring on one axis that rests at the angle rest_rad: a hose package (outside the loop's library)"
+    strength = ("stiffness_Nm_rad", "Nm/rad")
+    defaults: ClassVar = {"stiffness_Nm_rad": 10.0, "axis": 3.0, "rest_rad": 0.0}
+    limits: ClassVar = {"stiffness_Nm_rad": (0, 1e4), "axis": (1, 100), "rest_rad": (-7, 7)}
+
+    def torque(self, situation: Situation) -> Floats:
+        """Proportional to the angle from rest, [T, axes] Nm; conservative."""
+        angle = situation.motion.q - self["rest_rad"]
+        return self["stiffness_Nm_rad"] * angle * self._axis_gate(situation)
 
 
 class MechanicalPower(_Friction):

@@ -89,6 +89,10 @@ class Effect(ABC):
         """Set up the state that the effect carries from stretch to stretch of a session."""
         return
 
+    def work(self, seconds: float) -> None:
+        """The robot has worked before the session."""
+        return
+
     def __getitem__(self, name: str) -> float:
         return self.values[name]
 

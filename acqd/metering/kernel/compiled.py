@@ -36,9 +36,9 @@ def load(path: Path) -> ctypes.CDLL:
     loaded.acqd_windows.restype = ctypes.c_int64
     pointer = ctypes.c_void_p
     loaded.acqd_windows.argtypes = [*[pointer] * 5, ctypes.c_int64, pointer]
-    for function in (loaded.acqd_window, loaded.acqd_quiet):
-        function.restype, function.argtypes = ctypes.c_int64, [pointer, ctypes.c_int64, ctypes.c_int64]
-    loaded.acqd_form_bytes.restype = loaded.acqd_state_bytes.restype = ctypes.c_int64
+    # of a `c_void_p`; arguments with declared types are converted, which takes longer than the rest of the call
+    loaded.acqd_window.restype = loaded.acqd_quiet.restype = ctypes.c_int64
+    loaded.acqd_undo.restype = None
     return loaded
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ctypes
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -17,11 +16,8 @@ from acqd.metering.held import HeldFrequency
 from acqd.metering.kernel.compiled import usable_library, why_not
 from acqd.metering.kernel.layout import (
     BEND,
-    ENERGY,
-    EXPORTED,
     FIRST,
     FLAGS,
-    IMPORTED,
     MAGNITUDE,
     NO_TRIAL,
     QUANTITIES,
@@ -67,15 +63,18 @@ class Metered:
         return [int(mark) for mark in self.rows[FLAGS].tolist()]
 
 
-class LiveMetered(NamedTuple):
+@dataclass(slots=True)
+class LiveMetered:
     """Quantities of one window."""
 
     f: float
     """Hz."""
     mark: int
     """As in `Metered.marks`."""
-    quantities: Floats
-    """[VRMS to EXPORTED, phases, 1] as in `layout`."""
+    quantities: list[float]
+    """VRMS to REACTIVE of `layout`, of all phases each."""
+    readings: list[float]
+    """kWh: imported of all phases, then exported."""
 
 
 class Kernel:
@@ -95,7 +94,8 @@ class Kernel:
         found = library or usable_library(len(form.scale))
         if found is None:
             raise RuntimeError("no library")
-        self._windows, self._window, self._quiet = found.acqd_windows, found.acqd_window, found.acqd_quiet
+        self._windows = found.acqd_windows
+        self._window, self._quiet, self._undo = found.acqd_window, found.acqd_quiet, found.acqd_undo
         self._dtype, self._phases = form.dtype, form.phases
         self._estimator, self._held = estimator, held
         self._trials: dict[int, Floats] = {}
@@ -106,17 +106,10 @@ class Kernel:
         self._state = State()
         self._pointers = ctypes.addressof(self._form), ctypes.addressof(self._state), self._table.ctypes.data
         self._rows = FIRST + QUANTITIES * form.phases
-        self._one = np.empty((self._rows, 1))
-        self._head = self._one[:FIRST, 0]
-        quantities = self._one[FIRST:].reshape(QUANTITIES, form.phases, 1)
-        self._quantities = quantities[: EXPORTED + 1]
-        self._energies, self._registers = (
-            quantities[ENERGY, :, 0],
-            quantities[IMPORTED : EXPORTED + 1, :, 0].reshape(-1),
-        )
+        self._one = np.empty(self._rows)
         form_at, state_at, table_at = self._pointers
         self._live = Live(form=form_at, state=state_at, table=table_at, out=self._one.ctypes.data)
-        self._live_at = ctypes.addressof(self._live)
+        self._live_at = ctypes.c_void_p(ctypes.addressof(self._live))
         self._buffer: Codes | None = None  # that `_live` has the address of
         self._fits = False  # the buffer's codes are of the stream's type
         self._mine = False  # the state is here, and not in the objects
@@ -153,35 +146,38 @@ class Kernel:
 
         Adds to `energy`. Without the price of arrays: several times as fast.
         """
-        if not self._point_at(buffer) or (not self._mine and not self._take_state()):
+        if not self._point_at(buffer, begin, end) or (not self._mine and not self._take_state()):
             return None
-        before = bytes(self._state)
-        while not self._window(self._live_at, begin, end):
+        while not self._window(self._live_at):
             if self._state.reason != NO_TRIAL:
                 return None
             self._add(self._state.point)
-        f, mark, magnitude, *cycles = self._head.tolist()
-        if not self._held.note(f, magnitude, Cycles(*cycles)):
-            ctypes.memmove(self._pointers[1], before, len(before))
+        f, mark, magnitude, bend, swell, kink, growth, *rest = self._one.tolist()
+        held, phases = self._held, self._phases
+        if not (
+            held.note_calm(f, magnitude, kink, growth) or held.note(f, magnitude, Cycles(bend, swell, kink, growth))
+        ):
+            self._undo(self._live_at)
             return None
-        self._registers[:] = energy.add_window(self._energies.tolist())
-        marks = int(mark) | UNSETTLED if self._held.unsettled else int(mark)
-        return LiveMetered(f, marks, self._quantities.copy())
+        marks = int(mark) | UNSETTLED if held.unsettled else int(mark)
+        return LiveMetered(f, marks, rest[phases:], energy.add_window(rest[:phases]))
 
     def meter_quiet(self, buffer: Codes, begin: int, end: int, energy: EnergyRegister) -> LiveMetered | None:
         """As `meter_live`, for a window without mains that follows one: no f is searched. None for all others."""
-        if self._mine or self._estimator.trial is not None or not self._point_at(buffer):
+        if self._mine or self._estimator.trial is not None or not self._point_at(buffer, begin, end):
             return None
-        if not self._quiet(self._live_at, begin, end):
+        if not self._quiet(self._live_at):
             return None
-        f, mark, *_ = self._head.tolist()
-        self._registers[:] = energy.add_window(self._energies.tolist())
-        return LiveMetered(f, int(mark), self._quantities.copy())
+        numbers, phases = self._one.tolist(), self._phases
+        f, mark, rest = numbers[F], int(numbers[FLAGS]), numbers[FIRST:]
+        return LiveMetered(f, mark, rest[phases:], energy.add_window(rest[:phases]))
 
-    def _point_at(self, buffer: Codes) -> bool:
-        """Let the kernel read this buffer; whether its codes are of the stream's type."""
+    def _point_at(self, buffer: Codes, begin: int, end: int) -> bool:
+        """Let the kernel read this window of this buffer; whether its codes are of the stream's type."""
+        live = self._live
         if buffer is not self._buffer:
-            self._buffer, self._live.codes, self._fits = buffer, buffer.ctypes.data, buffer.dtype == self._dtype
+            self._buffer, live.codes, self._fits = buffer, buffer.ctypes.data, buffer.dtype == self._dtype
+        live.begin, live.end = begin, end
         return self._fits
 
     def state(self) -> packed.State | None:

@@ -14,11 +14,8 @@ F, FLAGS, MAGNITUDE, BEND, SWELL, KINK, GROWTH, FIRST = range(8)
 its cycles say (`onset.Cycles`)."""
 UNSETTLED = 256
 """Mark of a window that is `unsettled`; bits 0 to 3 mark phases without mains, 4 to 7 phases over range."""
-VRMS, IRMS, POWER, REACTIVE, IMPORTED, EXPORTED, ENERGY = range(7)
-"""Quantities of phases, one row per phase: V, A, W, var of the fundamentals, registers [kWh], sum of products of codes.
-The registers are written by Python, and after a single window only."""
-U_DC, I_DC, U_PEAK, I_PEAK, U_RE, U_IM, I_RE, I_IM, QUANTITIES = range(7, 16)
-"""DC, peaks, fundamentals (real and imaginary parts)."""
+ENERGY, VRMS, IRMS, POWER, REACTIVE, QUANTITIES = range(6)
+"""Quantities of phases, one row per phase: sum of products of codes, V, A, W, var of the fundamentals."""
 
 
 class Form(ctypes.Structure):
@@ -53,6 +50,11 @@ class State(ctypes.Structure):
 
 
 class Live(ctypes.Structure):
-    """What the windows of a running stream have in common: addresses."""
+    """What the windows of a running stream have in common: addresses; where the next one is, the state before it."""
 
-    _fields_ = tuple((name, ctypes.c_void_p) for name in ("form", "state", "table", "codes", "out"))
+    _fields_ = (
+        *((name, ctypes.c_void_p) for name in ("form", "state", "table", "codes", "out")),
+        ("begin", ctypes.c_int64),
+        ("end", ctypes.c_int64),
+        ("before", State),
+    )

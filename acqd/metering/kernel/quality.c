@@ -118,17 +118,16 @@ INLINE void look(const void *codes, const int64_t bits, int64_t channels, int64_
             high = native_larger(high, x);
             step = native_larger(step, native_larger(x - before, before - x));
             before = x;
+            if (n >= whole)
+                continue;
+            sum += x;
+            squares += x * x;
+            sizes += native_larger(x, -x);
         }
         for (int64_t n = 0; n < samples; n++) {
             const native x = ROW(n);
             lowest -= (native_mask)(x == low);
             highest -= (native_mask)(x == high);
-        }
-        for (int64_t n = 0; n < whole; n++) {
-            const native x = ROW(n);
-            sum += x;
-            squares += x * x;
-            sizes += native_larger(x, -x);
         }
         for (int64_t n = 0; n < half; n++) {
             const native x = ROW(n) + ROW(n + half);

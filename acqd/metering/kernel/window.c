@@ -394,11 +394,10 @@ INLINE struct sums interval(struct sums window, const void *codes, int bits, int
     return inner;
 }
 
-/* Rows of the result, each with one value per window; from VRMS on, each stands for one row per phase. Python writes
-   IMPORTED and EXPORTED. */
-enum { F, FLAGS, MAGNITUDE, BEND, SWELL, KINK, GROWTH, VRMS };
-enum { IRMS = 1, POWER, REACTIVE, IMPORTED, EXPORTED, ENERGY, U_DC, I_DC, U_PEAK, I_PEAK, U_RE, U_IM, I_RE, I_IM };
-#define ROW(quantity, phase) (VRMS + (quantity) * (channels / 2) + (phase))
+/* Rows of the result, each with one value per window; from FIRST on, each quantity has one row per phase. */
+enum { F, FLAGS, MAGNITUDE, BEND, SWELL, KINK, GROWTH, FIRST };
+enum { ENERGY, VRMS, IRMS, POWER, REACTIVE };
+#define ROW(quantity, phase) (FIRST + (quantity) * (channels / 2) + (phase))
 
 INLINE int one_window(const struct form *form, struct state *state, const double *const *table, const void *codes,
                       int bits, int channels, int64_t begin, int64_t end, double *out, int64_t stride)
@@ -436,19 +435,11 @@ INLINE int one_window(const struct form *form, struct state *state, const double
         const double u_re = fit.re_c[c] * u, u_im = -fit.im_c[c] * u, i_re = fit.re_c[c + 1] * i;
         const double i_im = -fit.im_c[c + 1] * i;
         magnitude += fit.re_c[c] * fit.re_c[c] + fit.im_c[c] * fit.im_c[c];
-        out[ROW(0, phase) * stride] = volts;
+        out[ROW(VRMS, phase) * stride] = volts;
         out[ROW(IRMS, phase) * stride] = sqrt(fmax(inner.square[c + 1] / length, 0)) * i;
         out[ROW(POWER, phase) * stride] = inner.cross[c] / length * (u * i);
         out[ROW(REACTIVE, phase) * stride] = (u_im * i_re - u_re * i_im) / 2;
         out[ROW(ENERGY, phase) * stride] = outer.cross[c];
-        out[ROW(U_DC, phase) * stride] = outer.plain[c] / size * u;
-        out[ROW(I_DC, phase) * stride] = outer.plain[c + 1] / size * i;
-        out[ROW(U_PEAK, phase) * stride] = fmax(outer.most[c], -outer.least[c]) * u;
-        out[ROW(I_PEAK, phase) * stride] = fmax(outer.most[c + 1], -outer.least[c + 1]) * i;
-        out[ROW(U_RE, phase) * stride] = u_re;
-        out[ROW(U_IM, phase) * stride] = u_im;
-        out[ROW(I_RE, phase) * stride] = i_re;
-        out[ROW(I_IM, phase) * stride] = i_im;
         if (volts > form->dead[phase])
             live++;
         else
@@ -503,13 +494,21 @@ struct live {
     const double *const *table;
     const void *codes;
     double *out;
+    int64_t bounds[2]; /* of the next window in the buffer */
+    struct state before; /* the state before it */
 };
 
-/* One window: samples begin .. end of the buffer; whether it was metered. */
-int64_t acqd_window(const struct live *live, int64_t begin, int64_t end)
+/* The next window of a running stream; whether it was metered. */
+int64_t acqd_window(struct live *live)
 {
-    const int64_t bounds[2] = {begin, end};
-    return acqd_windows(live->form, live->state, live->table, live->codes, bounds, 1, live->out);
+    live->before = *live->state;
+    return acqd_windows(live->form, live->state, live->table, live->codes, live->bounds, 1, live->out);
+}
+
+/* As if that window had not been metered. */
+void acqd_undo(struct live *live)
+{
+    *live->state = live->before;
 }
 
 /* A window in which no voltage is mains: sums over exactly its samples, and no f. 0 where a voltage may be mains, or a
@@ -550,7 +549,7 @@ INLINE int quiet(const struct form *form, const void *codes, int bits, int chann
             if (s.most[k] >= form->code_max || s.least[k] <= form->code_min)
                 return 0;
         flags |= (int64_t)1 << phase;
-        out[ROW(0, phase)] = volts;
+        out[ROW(VRMS, phase)] = volts;
         out[ROW(IRMS, phase)] = sqrt(s.square[c + 1] / size) * i;
         out[ROW(POWER, phase)] = s.cross[c] / size * (u * i);
         out[ROW(REACTIVE, phase)] = NAN;
@@ -562,16 +561,14 @@ INLINE int quiet(const struct form *form, const void *codes, int bits, int chann
     return 1;
 }
 
-/* The same of one window of a running stream; whether it was metered. */
-int64_t acqd_quiet(const struct live *live, int64_t begin, int64_t end)
+/* The same of the next window of a running stream; whether it was metered. */
+int64_t acqd_quiet(const struct live *live)
 {
     const struct form *form = live->form;
+    const int64_t begin = live->bounds[0], end = live->bounds[1];
     if (form->bits == 16)
         return quiet(form, live->codes, 16, CHANNELS, begin, end, live->out);
     if (form->bits == 32)
         return quiet(form, live->codes, 32, CHANNELS, begin, end, live->out);
     return quiet(form, live->codes, 64, CHANNELS, begin, end, live->out);
 }
-
-int64_t acqd_form_bytes(void) { return sizeof(struct form); }
-int64_t acqd_state_bytes(void) { return sizeof(struct state); }

@@ -38,6 +38,7 @@ def reference_arrays(segments: list[Segment]) -> Arrays:
         "q": np.concatenate([s.q for s in chosen]).astype(np.float32),
         "P": np.concatenate([s.P for s in chosen]).astype(np.float32),
         "lag_within_s": np.array([s.lag_within_s for s in chosen]),
+        "worked_s": np.array([s.worked_s for s in chosen]),
     }
     for name in _SIGNALS:
         if all(name in s.signals for s in chosen):
@@ -106,6 +107,7 @@ def _segments(arrays: Arrays) -> list[Segment]:
                 {key.removeprefix("channel."): part(a) for key, a in arrays.items() if key.startswith("channel.")},
                 *_known_around(arrays, k),
                 lag_within_s=float(arrays["lag_within_s"][k]) if "lag_within_s" in arrays else 0.0,
+                worked_s=float(arrays["worked_s"][k]) if "worked_s" in arrays else 0.0,
             )
         )
     return segments

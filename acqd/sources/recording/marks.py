@@ -20,7 +20,7 @@ _EQUAL = 4  # samples in a row at the extreme of a channel, from which on it may
 _END = 30_000  # codes of 16 bits that roll over come near both ends
 _HELD = 0.2  # of the largest peak of all phases: a channel that stands still farther from zero was held
 _TOGETHER = 256  # stretches
-_PASS = 1 << 18  # samples
+_PASS = 1 << 16  # samples
 _POINTS = 25  # of half a cycle
 _LONGEST = 100_000  # samples that show the mean
 

@@ -17,11 +17,12 @@ EVIDENCE = {"payload": 600.0, "gravity_bias": 590.0, LAW: 20.0}
 STANDING = Standing(EVIDENCE, dict.fromkeys(EVIDENCE, (0.0, 0.0)), 500.0, {})
 
 
-def closed(standing=STANDING, reference=("recording",), chosen=None, effects=()):
+def closed(standing=STANDING, reference=("recording",), chosen=None, effects=(), verdict="unknown_structure"):
     subject = SimpleNamespace(reference=list(reference), chosen=frozenset(chosen or library()))
     return SimpleNamespace(
-        selection=SimpleNamespace(standing=standing), subject=subject, improved=SimpleNamespace(effects=effects)
-    )
+        selection=SimpleNamespace(standing=standing), subject=subject, improved=SimpleNamespace(effects=effects),
+        verdict=verdict,
+    )  # fmt: skip
 
 
 def test_a_report_holds_the_set_its_words_and_what_it_rests_on():
@@ -48,6 +49,14 @@ def test_a_selected_effect_is_as_probable_as_the_report_says_above():
     assert sum(causes.believed(closed(effects=(sure,))).probabilities.values()) == pytest.approx(1.0)
     refused = replace(sure, status="refused")
     assert causes.as_json(closed(effects=(refused,)))["follows"] == "standing"
+
+
+@pytest.mark.parametrize("verdict", ["nothing_left", "not_identifiable"])
+def test_a_set_does_not_exclude_nothing_where_the_verdict_does_not(verdict):
+    proven, open_ = causes.believed(closed()), causes.believed(closed(verdict=verdict))
+    assert NOTHING not in proven.members and set(open_.members) == {*proven.members, NOTHING}
+    assert open_.probabilities == proven.probabilities
+    assert list(open_.members) == [label for label in open_.probabilities if label in open_.members]
 
 
 def test_words():

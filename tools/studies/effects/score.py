@@ -9,7 +9,7 @@ from rich.table import Table
 
 from tools.studies.effects.cases import OUTSIDE_IDS
 
-_UNNAMED = {"encoder_bias", "torque_bias", *OUTSIDE_IDS}
+_UNNAMED = {"encoder_bias", "torque_bias", "spring", *OUTSIDE_IDS}
 """Effects of the laboratory that the library does not have an id for: unknown, or nothing, is right."""
 
 

@@ -43,7 +43,12 @@ def options() -> argparse.Namespace:
     add("out", type=Path, metavar="OUT")
     add("--robot", type=int, choices=list(ROBOTS), default=7, help="number of axes (default 7)")
     add("--strength", type=int, choices=STRENGTHS, action="append", help="%% of the dynamic range (default all)")
-    add("--amount", choices=list(PLANS), default="full", help="10 x 120 s before and 8 after, or 5 x 60 s each")
+    add(
+        "--amount",
+        choices=list(PLANS),
+        default="full",
+        help="10 x 120 s before and 8 after; 5 x 60 s each; 4 x 15 s after",
+    )
     add("--torque", action="store_true", help="log joint torques (7 axes) and motor currents")
     add("--clocks", action="store_true", help="clocks of robot and meter differ (default: they agree, --lag 0)")
     add("--harsh", action="store_true", help="sites that keep to no assumption: other loads, motion, friction, meter")

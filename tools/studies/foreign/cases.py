@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
+import math
 import os
 import shutil
 import zlib
@@ -21,8 +22,12 @@ from tools.studies.foreign.generator.plant import Plant, Session
 from tools.studies.foreign.generator.recordings import Clock, log_name, write
 
 ROBOTS = {7: "iiwa7_r800", 6: "ur10e"}
-PLANS = {"full": (Plan(10, 120.0), Plan(8, 120.0)), "short": (Plan(5, 60.0), Plan(5, 60.0))}
-"""Recordings before and after."""
+PLANS = {
+    "full": (Plan(10, 120.0), Plan(8, 120.0)),
+    "short": (Plan(5, 60.0), Plan(5, 60.0)),
+    "brief": (Plan(5, 60.0), Plan(4, 15.0)),
+}
+"""Recordings before and after; after brief ones many small effects stay open."""
 STRENGTHS = (10, 3, 1)
 """Percent of the dynamic range."""
 CLEAN = 6
@@ -111,9 +116,13 @@ def make_after(world: World, case: Case, folder: Path) -> dict[str, Any]:
 
 
 def make_second(
-    world: World, case: Case, folder: Path, truth: dict[str, Any], name: str, motion: Motion | Plan
-) -> Path:
-    """Files of one more session, an hour after the one of `make_after`: the same effects in the same sizes."""
+    world: World, case: Case, folder: Path, truth: dict[str, Any], name: str, motion: Motion | Plan,
+    worked_min: float = 0.0,
+) -> Path:  # fmt: skip
+    """Files of one more session, an hour after the one of `make_after`: the same effects in the same sizes.
+
+    `worked_min`: of work before the session, in which the friction of cold gears has decayed.
+    """
     if not folder.exists():
         random = np.random.default_rng([world.seed, zlib.crc32(case.name.encode())])
         plant = world.plant()
@@ -124,7 +133,9 @@ def make_second(
         for effect, known in zip(case.effects, truth["effects"], strict=True):
             again = copy.deepcopy(random)  # an effect draws its place and shape first, and after that when it acts
             ALL[effect](first, random)
-            doses.append(Dose(ALL[effect](second, again), known["size"]))
+            hidden = ALL[effect](second, again)
+            warmed = worked_min / hidden.details["minutes"] if effect == "thermal_friction" else 0.0
+            doses.append(Dose(hidden, known["size"] * math.exp(-warmed)))
         folder.parent.mkdir(parents=True, exist_ok=True)
         start_s = _later(random) + float(first.motion.t[-1]) + 3600.0
         _write(world, second, doses, folder, own, start_s, {"effects": truth["effects"]})

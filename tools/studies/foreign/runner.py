@@ -121,11 +121,14 @@ class Runner:
         shutil.rmtree(dataset)
         return {entry["name"]: entry["lag_s"] - lags_s[entry["name"]] for entry in manifest["recordings"]}
 
-    def build(self, files: Path, dataset: Path, cut_s: float | None = None) -> None:
-        """A dataset of the files of a session. Raises StepError."""
+    def build(self, files: Path, dataset: Path, cut_s: float | None = None, worked_min: float = 0.0) -> None:
+        """A dataset of the files of a session, after so much work. Raises StepError."""
         dataset.parent.mkdir(parents=True, exist_ok=True)
         lag_s = None if self.world.own_clocks else 0.0
-        self.steps.build(files / "power.csv", files / "logs", self._description(), dataset, lag_s=lag_s, cut_s=cut_s)
+        self.steps.build(
+            files / "power.csv", files / "logs", self._description(), dataset, lag_s=lag_s, cut_s=cut_s,
+            worked_min=worked_min,
+        )  # fmt: skip
 
     def _description(self) -> Path:
         """The shipped description; that it may be 20 % wrong is said, because no masses of these plants are exact."""

@@ -3,10 +3,11 @@
     python -m tools.studies.foreign.second OUT [--only '*-1'] [--cases 30] [--minutes 3] [--long 9] [--json]
 
 Takes the open cases that `tools.studies.foreign OUT` has judged: one effect of the library is hidden, and the loop
-named nothing, or something else, or a family. For each: the motion that `acqd next` designs, a D-optimal motion of
-equal length from the same pieces, and random motion of the generator's kind, also `--long` minutes of it. The foreign
-plant executes each with the same hidden effect, and the loop judges both sessions together. Right: the effect, without
-a family. What is there is not made again.
+named nothing, or something else, or a family. For each: the motion that `acqd next` designs, the pieces of its first
+third, a D-optimal motion of equal length from the same pieces, and random motion of the generator's kind, also `--long`
+minutes of it. Gears are as warm as the design asks for in the first three, and cold before random motion, as in the
+first session. The foreign plant executes each with the same hidden effect, and the loop judges both sessions together.
+Right: the effect, without a family. What is there is not made again.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import json
 import os
 import sys
 from collections import Counter
+from collections.abc import Sequence
 from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any
@@ -32,7 +34,7 @@ from acqd.discrepancy.loop import close_loop
 from acqd.discrepancy.report.summary import as_json
 from acqd.errors import OperationError, UserError
 from acqd.experiment.design import Asked, Designed, next_motion
-from acqd.experiment.pieces import motion_of
+from acqd.experiment.pieces import Piece, motion_of
 from acqd.motion.controller import RATE
 from tools.common.tables import show
 from tools.studies.foreign.cases import World, cases, make_after, make_second
@@ -44,7 +46,7 @@ from tools.studies.foreign.steps import StepError
 
 _CUT_S = 45
 """Length of the recordings that a long one is cut into."""
-ARMS = ("designed", "d_optimal", "random", "long")
+ARMS = ("designed", "third", "d_optimal", "random", "long")
 
 
 def options() -> argparse.Namespace:
@@ -105,15 +107,16 @@ class Second:
         said = {"now": answer(report)}
         for name, motion in self._motions(designed, minutes, long_min).items():
             session = self.folder / name
-            files = make_second(self.world, self.case, session / "data", truth, name, motion)
-            self._build(files, session, _CUT_S)
+            worked_min = 0.0 if isinstance(motion, foreign.Plan) else designed.worked_min
+            files = make_second(self.world, self.case, session / "data", truth, name, motion, worked_min)
+            self._build(files, session, _CUT_S, worked_min)
             said[name] = answer(self._closed(first, session))
         promised = {"now": designed.so_far, "designed": designed.after, "d_optimal": designed.for_parameters}
         row = {
             "world": self.world.name, "case": self.case.name, "seconds": designed.motion.seconds, "said": said,
             "promised": {name: each.right(designed.causes) for name, each in promised.items()},
             "compared": [cause.candidate.id or cause.candidate.label for cause in designed.causes],
-            "decides": designed.decides,
+            "decides": designed.decides, "begins": "cold" if designed.cold else "warm",
         }  # fmt: skip
         done.write_text(json.dumps(row))
         return row
@@ -121,18 +124,20 @@ class Second:
     def _motions(self, designed: Designed, minutes: float, long_min: float) -> dict[str, foreign.Motion | foreign.Plan]:
         every = round(RATE * foreign.STEP_S)
         found: dict[str, foreign.Motion | foreign.Plan] = {}
-        for name, outlook in (("designed", designed.after), ("d_optimal", designed.for_parameters)):
-            if outlook.pieces:
-                motion = motion_of(designed.space, tuple(step for piece in outlook.pieces for step in piece.steps))
+        third = first_pieces(designed.after.pieces, designed.motion.seconds / 3)
+        programs = {"designed": designed.after.pieces, "third": third, "d_optimal": designed.for_parameters.pieces}
+        for name, pieces in programs.items():
+            if pieces:
+                motion = motion_of(designed.space, tuple(step for piece in pieces for step in piece.steps))
                 found[name] = foreign.given(*(rows[::every] for rows in (motion.q, motion.qd, motion.qdd)))
         for name, length in (("random", minutes), ("long", long_min)):
             if length:
                 found[name] = foreign.Plan(round(60 * length / _CUT_S), float(_CUT_S))
         return found
 
-    def _build(self, files: Path, session: Path, cut_s: float | None = None) -> None:
+    def _build(self, files: Path, session: Path, cut_s: float | None = None, worked_min: float = 0.0) -> None:
         if not (session / "ds").exists():
-            self.runner.build(files, session / "ds", cut_s)
+            self.runner.build(files, session / "ds", cut_s, worked_min)
 
     def _closed(self, first: Path, *second: Path) -> Result:
         """Like a result of the study."""
@@ -145,6 +150,15 @@ class Second:
             folder.mkdir(parents=True, exist_ok=True)
             file.write_bytes(orjson.dumps(report, option=orjson.OPT_SERIALIZE_NUMPY))
         return self.result | {"report": json.loads(file.read_text())}
+
+
+def first_pieces(pieces: Sequence[Piece], seconds: float) -> tuple[Piece, ...]:
+    """The pieces of a program, in their order, that fit into a time."""
+    chosen: list[Piece] = []
+    for piece in pieces:
+        if sum(each.seconds for each in chosen) + piece.seconds <= seconds:
+            chosen.append(piece)
+    return tuple(chosen)
 
 
 def main() -> None:

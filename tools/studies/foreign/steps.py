@@ -24,8 +24,9 @@ class Steps(Protocol):
     """What is judged. All raise StepError."""
 
     def build(
-        self, power: Path, logs: Path, robot: Path, out: Path, *, lag_s: float | None, cut_s: float | None
-    ) -> None:
+        self, power: Path, logs: Path, robot: Path, out: Path, *, lag_s: float | None, cut_s: float | None,
+        worked_min: float = 0.0,
+    ) -> None:  # fmt: skip
         """A dataset of power rows and logs, with options of `acqd dataset build`."""
 
     def train(self, dataset: Path, bundle: Path) -> None:
@@ -40,13 +41,14 @@ class InThisProcess:
     """The acqd that is imported here; no page is drawn, which takes as long as the loop."""
 
     def build(
-        self, power: Path, logs: Path, robot: Path, out: Path, *, lag_s: float | None, cut_s: float | None
-    ) -> None:
+        self, power: Path, logs: Path, robot: Path, out: Path, *, lag_s: float | None, cut_s: float | None,
+        worked_min: float = 0.0,
+    ) -> None:  # fmt: skip
         """As `acqd dataset build`."""
         from acqd.dataset.build import build
         from acqd.dataset.config import BuildConfig
 
-        config = BuildConfig(str(power), logs, out, str(robot), lag_s=lag_s, cut_s=cut_s)
+        config = BuildConfig(str(power), logs, out, str(robot), lag_s=lag_s, cut_s=cut_s, worked_min=worked_min)
         with refusals("dataset build"):
             build(config, lambda *_: None)
 
@@ -93,10 +95,12 @@ class Commands:
     """Working directory."""
 
     def build(
-        self, power: Path, logs: Path, robot: Path, out: Path, *, lag_s: float | None, cut_s: float | None
-    ) -> None:
+        self, power: Path, logs: Path, robot: Path, out: Path, *, lag_s: float | None, cut_s: float | None,
+        worked_min: float = 0.0,
+    ) -> None:  # fmt: skip
         """`acqd dataset build`."""
         known = [*([] if lag_s is None else ["--lag", lag_s]), *([] if cut_s is None else ["--cut", cut_s])]
+        known += ["--worked", worked_min] if worked_min else []
         self._acqd("dataset", "build", "--power", power, "--logs", logs, "--robot", robot, "--out", out, *known)
 
     def train(self, dataset: Path, bundle: Path) -> None:

@@ -18,7 +18,8 @@ from acqd.models.effects.scene import Scene
 class ThermalFriction(Effect):
     """Viscous friction that decays while the gears warm up.
 
-    Time counts from the first recording of the session; how long the arm worked between recordings is unknown.
+    Time counts from the first recording of the session, and what the robot had worked before that; how long the arm
+    worked between recordings is unknown.
     """
 
     id = "thermal_friction"
@@ -37,7 +38,7 @@ class ThermalFriction(Effect):
 
     def at(self, scene: Scene, shape: Shape) -> Floats:
         """[N, axes] W per Nm s/rad of a cold gear; 0 without a session start in the scene's memory."""
-        age_s = np.maximum(scene.t - scene.memory.get("origin_s", -np.inf), 0.0)
+        age_s = np.maximum(scene.t - scene.memory.get("origin_s", -np.inf), 0.0) + scene.memory.get("worked_s", 0.0)
         decay = np.exp(-age_s / (60 * shape["minutes"]))[:, None]
         return np.asarray(scene.power_per_torque * scene.qd * decay)
 
