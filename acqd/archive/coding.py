@@ -1,8 +1,8 @@
 """Samples as fewer bytes, and back to the last bit.
 
-FLAC (RFC 9639): linear prediction per channel and Rice codes, written by libsndfile and read by C (`flac.c`). It is made
-for 16-bit codes of converters; wider integers fit as long as they have 24 bits. Anything else is sorted by significance
-of its bytes and deflated. ADR 39 has the measurement that chose this, ADR 75 says why the reader is in C.
+FLAC (RFC 9639): linear prediction per channel and Rice codes, written by libsndfile and read by C (`flac.c`). It suits
+16-bit codes of converters; wider integers fit as long as they have 24 bits. Anything else is sorted by significance of
+its bytes and deflated. ADR 39 has the measurement that chose this, ADR 75 says why the reader is in C.
 """
 
 from __future__ import annotations

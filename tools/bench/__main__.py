@@ -75,7 +75,7 @@ def chosen(only: list[str] | None) -> list[str]:
 
 def bench(
     only: Annotated[
-        list[str] | None, typer.Option(help=f"Sections to run, with commas between them: {', '.join(_SECTIONS)}.")
+        list[str] | None, typer.Option(help=f"Sections, with commas between: {', '.join(_SECTIONS)}.")
     ] = None,
     out: Annotated[Path, typer.Option(help="JSON file to write.")] = Path("bench.json"),
 ) -> None:
