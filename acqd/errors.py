@@ -62,7 +62,7 @@ def _one_line(text: str) -> str:
 
 def without_number(error: object) -> str:
     """What an error of a library says, without the number that the system has for the kind."""
-    return re.sub(r"\[Errno -?\d+\] ", "", str(error))
+    return re.sub(r"\[errno -?\d+\] ", "", str(error), flags=re.IGNORECASE)
 
 
 def no_folder(path: Path) -> str:

@@ -1,7 +1,8 @@
 #!/bin/sh
 # A private CA, the broker's certificate and one for each client, for config/mosquitto-tls.conf.
 #   sh config/make-certificates.sh FOLDER BROKER_HOST CLIENT...
-# Keep FOLDER/ca.key off the broker: whoever has it can make certificates. The rest is valid for two years.
+# Keep FOLDER/ca.key off the broker: whoever has it can make certificates. The broker's certificate is valid for two
+# years. Those of clients end before, two weeks apart: those of a whole plant must not end on one day.
 set -eu
 umask 077
 [ $# -ge 2 ] || { echo "usage: make-certificates.sh FOLDER BROKER_HOST CLIENT..." >&2; exit 2; }
@@ -18,14 +19,14 @@ if [ ! -e ca.pem ]; then
         -addext "basicConstraints=critical,CA:TRUE" -addext "keyUsage=critical,keyCertSign,cRLSign"
 fi
 
-# signed NAME EXTENSIONS
+# signed NAME EXTENSIONS DAYS
 signed() {
     [ -e "$1.pem" ] && return
     key "$1"
     extensions=$(mktemp)
     printf '%b' "$2" >"$extensions"
     openssl req -new -key "$1.key" -subj "/CN=$1" |
-        openssl x509 -req -CA ca.pem -CAkey ca.key -CAcreateserial -sha256 -days 730 -extfile "$extensions" \
+        openssl x509 -req -CA ca.pem -CAkey ca.key -CAcreateserial -sha256 -days "$3" -extfile "$extensions" \
             -out "$1.pem" 2>/dev/null
     rm -f "$extensions"
 }
@@ -34,7 +35,9 @@ case $host in
 *[!0-9.]*) names="DNS:$host" ;;
 *) names="IP:$host" ;;
 esac
-signed broker "subjectAltName=$names\nextendedKeyUsage=serverAuth\n"
+days=730
+signed broker "subjectAltName=$names\nextendedKeyUsage=serverAuth\n" $days
 for client in "$@"; do
-    signed "$client" "extendedKeyUsage=clientAuth\n"
+    days=$((days > 379 ? days - 14 : 716))
+    signed "$client" "extendedKeyUsage=clientAuth\n" $days
 done

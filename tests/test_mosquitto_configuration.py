@@ -12,6 +12,7 @@ import pytest
 from paho.mqtt.enums import CallbackAPIVersion
 
 from acqd.telemetry.broker import free_port
+from acqd.telemetry.certificates import ends
 from acqd.telemetry.mqtt import BrokerAddress
 from tests.places import ROOT
 from tests.waiting import wait_for
@@ -96,6 +97,12 @@ def test_only_a_password_and_a_certificate_of_the_plant_open_the_door(plant):
     assert Client(plant, "box", "of-box", "box").inside
     assert not Client(plant, "box", "wrong", "box").inside
     assert not Client(plant, None, None, "box").inside  # anonymous
+
+
+def test_certificates_of_a_plant_end_on_different_days_and_the_brokers_last(plant):
+    folder, _ = plant
+    days = [ends(folder / f"{name}.pem").date() for name in (*USERS[::-1], "broker")]
+    assert days == sorted(set(days))
 
 
 def test_without_a_certificate_there_is_no_connection(plant):

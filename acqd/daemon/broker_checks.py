@@ -6,7 +6,6 @@ import secrets
 import ssl
 import time
 from collections.abc import Iterator
-from datetime import UTC, datetime
 from pathlib import Path
 
 import paho.mqtt.client as paho
@@ -44,7 +43,7 @@ def broker_checks(config: Config) -> Iterator[Finding]:
             "certificates", "warn" if why else "ok", why or "valid for a month at least", advice if why else ""
         )
     if address.tls and (why := _of_server(address)):
-        yield Finding("certificates", "warn", f"of the broker: {why}", "make another one on the broker's computer")
+        yield Finding("certificates", "warn", why, "make another one on the broker's computer")
     yield _login(config, address, tls)
     yield from _other_logins(config)
     if is_loopback(address.host) and not config.broker.embedded:
@@ -110,8 +109,7 @@ def _of_server(address: BrokerAddress) -> str:
         end = certificates.not_after(ssl.PEM_cert_to_DER_cert(pem))
     except (OSError, ValueError):
         return ""
-    days = (end - datetime.now(UTC)).total_seconds() / 86_400
-    return f"the certificate ends in {days:.0f} days, on {end:%Y-%m-%d}" if days < certificates.WARN_DAYS else ""
+    return certificates.near_end("of the broker", end)
 
 
 def _delay() -> Iterator[Finding]:

@@ -38,8 +38,10 @@ def complaint(fault: Any) -> str:
     known = known_keys() if "correction." not in key else _CORRECTIONS
     if isinstance(fault["input"], dict) and len(place) == 1:
         known = [name for name in Config.model_fields if name != "sources"]
-    near = difflib.get_close_matches(key, known, n=1, cutoff=0.0)
+    near = difflib.get_close_matches(key, known, n=1)
     same_end = [name for name in known if name.rpartition(".")[2] == key.rpartition(".")[2]]
+    if not (same_end or near):
+        return f"unknown key {key}; acqd config init writes a file with every key"
     return f"unknown key {key}; did you mean {' or '.join(same_end or near)}?"
 
 

@@ -30,6 +30,7 @@ from acqd.daemon.notify import notify
 from acqd.daemon.tape import Tape
 from acqd.daemon.uplink import Uplink
 from acqd.errors import UserError
+from acqd.telemetry import certificates
 from acqd.telemetry.counters import TelemetryCounters
 from acqd.telemetry.row import PowerRow
 from acqd.telemetry.spool import Readings
@@ -209,7 +210,12 @@ class Service:
                 clock_trouble=counters.clock_trouble,
                 old_after_s=self.config.spool.max_age_days * 86_400.0,
             ),
-            Link(counters.connected, counters.reconnects, counters.broker_trouble),
+            Link(
+                counters.connected,
+                counters.reconnects,
+                counters.broker_trouble,
+                certificate_trouble=certificates.near_end("of the broker", counters.certificate_ends),
+            ),
             archive,
         )
 

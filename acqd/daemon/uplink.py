@@ -224,6 +224,7 @@ class Uplink:
             alone_s=round(delivery.alone_s, 3),
             connected=connector.state == "connected",
             broker_trouble=self.name.trouble or connector.trouble,
+            certificate_ends=connector.certificate_ends,
             rights_trouble=self.rights_trouble,
             clock_trouble=delivery.clock_trouble,
             reconnects=max(connector.reconnects, 0),
@@ -321,8 +322,9 @@ class Uplink:
         if not self._refused:
             return ""
         topic, reason = next(iter(self._refused.items()))
+        what = "message_size_limit" if "too large" in reason else "access rules"
         more = f" and {len(self._refused) - 1} topics more" if len(self._refused) > 1 else ""
-        return f"the broker acknowledges rows and refuses them: {topic}{more} ({reason}); check its access rules"
+        return f"the broker acknowledges rows and refuses them: {topic}{more} ({reason}); check its {what}"
 
     def _say_name(self) -> None:
         if trouble := self.name.trouble:

@@ -22,6 +22,7 @@ from acqd.dataset.power import PowerStream, open_power, require_fast
 from acqd.dataset.power_values import large_power
 from acqd.dataset.regressors import Regressors, regressors_of
 from acqd.dataset.report import report_writer
+from acqd.dataset.unaligned import clock_doubts
 from acqd.dataset.write import write_dataset
 from acqd.errors import InputError, UserError
 from acqd.report.chain import REPORT, connect
@@ -83,7 +84,10 @@ def build(config: BuildConfig, progress: _Progress) -> BuildReport:
     _require_placements(alignment, [fault.text for log in logs.kept if (fault := log.quality.fault)])
     merged = _merge_all(config, logs.kept, powers, alignment)
     recordings = [each.recording for each in merged if each.recording]
-    logs.notes += judge_recordings(recordings, robot, by_torque)
+    aligned = stream is not None and config.lag_s is None
+    # power of another time fits no order of the axes
+    doubts = [] if aligned else clock_doubts(recordings, robot, config.step_s)
+    logs.notes += doubts or judge_recordings(recordings, robot, by_torque)
     logs.notes += end_notes(recordings, config.step_s)
     logs.notes += alignment.notes
     if alignment.line is None and config.lag_s is None and stream is not None and len(logs.kept) >= _MIN_FOR_CLOCK:

@@ -86,7 +86,7 @@ def check_each(logs: list[RobotLog], robot: RobotDescription) -> dict[Path, str]
     return reasons
 
 
-def judge_table(recordings: list[Recording], robot: RobotDescription) -> list[str]:
+def judge_table(recordings: list[Recording], robot: RobotDescription, *, by_power: bool = True) -> list[str]:
     """Checks of recordings that were merged elsewhere: by their torques or currents, then by their power.
 
     Lines on axes whose order is not confirmed. Raises UserError as `check_columns`, `judge_logs` and
@@ -99,7 +99,7 @@ def judge_table(recordings: list[Recording], robot: RobotDescription) -> list[st
         contradiction = _contradiction(sample, robot)
         if contradiction:
             raise UserError(f"recording {name}: {contradiction}")
-    return judge_recordings(recordings, robot, by_torque)
+    return judge_recordings(recordings, robot, by_torque) if by_power else []
 
 
 def judge_recordings(

@@ -40,10 +40,11 @@ _PULSE_EDGES_S = (0.0, 0.12, 0.3, 0.6)
 _WHOLE_MS = 0.01  # a Unix time in a float resolves 0.0002 ms
 _MIN_ROWS = 50
 _MIN_S = 2.0
-_GAP_S = 0.25
-"""Rows farther apart leave the motion between them unknown."""
-_SPREAD_S = 0.2
-"""Time over which the filters spread what is unknown."""
+_GAP_S, _GAP_STEPS = 0.15, 2.0
+"""Rows farther apart, and more than so many usual steps, leave the motion between them unknown: a cubic across 0.2 s
+hides what moves at BAND_HZ, which looks like a longer lag of the supply."""
+_SPREAD_S = 0.1
+"""Time over which the filters spread what is unknown: two standard deviations of the one at BAND_HZ."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,7 +140,8 @@ def regressors_of(log: RobotLog, robot: RobotDescription, torque: TorqueSource |
 
 def _known(grid: Floats, time: Floats) -> NDArray[np.bool_] | None:
     """[len(grid)] False in and near gaps of the log; None without a gap."""
-    gaps = np.flatnonzero(np.diff(time) > _GAP_S)
+    steps = np.diff(time)
+    gaps = np.flatnonzero(steps > max(_GAP_S, _GAP_STEPS * float(np.median(steps))))
     if not len(gaps):
         return None
     known = np.ones(len(grid), bool)

@@ -54,6 +54,8 @@ def recording_table(time_ns: np.ndarray, columns: Mapping[str, np.ndarray], slid
 
 def read_columns(file: Path) -> dict[str, NDArray[Any]]:
     """The columns of a recording's file, by name, as `columns_of`. Raises InputError."""
+    if not file.is_file():
+        raise InputError(file, f"{'is no file' if file.exists() else 'no such file'}; build the dataset again")
     try:
         # not read_table, which imports pyarrow.dataset
         with pyarrow.parquet.ParquetFile(file) as parquet:

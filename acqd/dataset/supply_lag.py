@@ -22,10 +22,12 @@ from acqd.numerics import NORMAL_95, biweight_loss
 
 USUAL_LAG_S = 0.015
 """Lag of a usual supply: its bulk capacitor delays by most of a mains period. Assumed for one or two recordings."""
-_LONGEST_S = 0.06
-_CANDIDATES_S = np.linspace(0.0, 0.075, 7)  # the outer ones keep the spline's end conditions away from _LONGEST_S
+LONGEST_S = 0.06
+"""A supply has no longer lag."""
+_CANDIDATES_S = np.linspace(0.0, 0.075, 7)  # the outer ones keep the spline's end conditions away from LONGEST_S
 _MODEL_ERROR_S = 0.004  # of the supply's lag: the regression is not the robot (tools/studies/alignment)
-_UNKNOWN_ERROR_S = 0.01  # of USUAL_LAG_S
+UNKNOWN_ERROR_S = 0.01
+"""Standard error of USUAL_LAG_S, where nothing tells the supply."""
 _FEW_RECORDINGS = 6
 """Fewer leave the supply's lag as uncertain as a usual one: the regression errs by another amount on each motion. With
 three real ones of a UR10e the lag is 20 ms too long."""
@@ -70,7 +72,7 @@ def supply_lag(
     pairs = _overlaps(regressors, power, lags)
     chosen, overlaps = [k for k, _ in pairs], [single for _, single in pairs]
     if len(pairs) < _MIN_RECORDINGS:
-        return SupplyLag(USUAL_LAG_S, _UNKNOWN_ERROR_S, 0.0, _UNKNOWN_ERROR_S, chosen, None)
+        return SupplyLag(USUAL_LAG_S, UNKNOWN_ERROR_S, 0.0, UNKNOWN_ERROR_S, chosen, None)
     fits = _fits(overlaps, np.array([lags[k].seconds for k in chosen]), progress)
     scale_W = min(fit.scale_W for fit in fits)
     inflation = float(np.median([fit.inflation for fit in fits]))
@@ -79,7 +81,7 @@ def supply_lag(
         regressors[k].coarse for k in chosen
     ):  # what the smoothing hides looks like a longer supply lag
         mean, error, at_end = USUAL_LAG_S, _COARSE_ERROR_S, False
-    misfit = _MODEL_ERROR_S if len(chosen) >= _FEW_RECORDINGS else _UNKNOWN_ERROR_S
+    misfit = _MODEL_ERROR_S if len(chosen) >= _FEW_RECORDINGS else UNKNOWN_ERROR_S
     error = float(np.hypot(error, misfit))
     middles = np.array([float(np.median(fit.lags_s)) for fit in fits])
     at, usual, low, high = np.interp([mean, USUAL_LAG_S, mean - error, mean + error], _CANDIDATES_S, middles)
@@ -103,7 +105,7 @@ def _behind_slow_meter(meter: SlowMeter, chosen: list[int], usual_s: float) -> S
     shift_s = float(np.median(meter.fit.lags_s)) - usual_s
     error_s = meter.stamp_error_s / NORMAL_95
     return SupplyLag(
-        meter.constant_s, _UNKNOWN_ERROR_S if meter.average_s else error_s, shift_s, error_s, chosen, meter.fit,
+        meter.constant_s, UNKNOWN_ERROR_S if meter.average_s else error_s, shift_s, error_s, chosen, meter.fit,
         meter.average_s, meter.sentence(),
     )  # fmt: skip
 
@@ -135,11 +137,11 @@ def _posterior(loss: Floats) -> tuple[float, float, bool]:
 
     And whether the likelihood still rises steeply at the longest lag. (At 0 this is usual: many supplies have no lag.)
     """
-    grid = np.linspace(0.0, _LONGEST_S, 121)
+    grid = np.linspace(0.0, LONGEST_S, 121)
     values = CubicSpline(_CANDIDATES_S, loss)(grid)
     weight = np.exp(-(values - values.min()) / 2)
     weight /= weight.sum()
     mean = float(weight @ grid)
-    rising = float(values[np.abs(grid - 2 * _LONGEST_S / 3).argmin()] - values[-1]) > _STEEP
-    at_end = mean > _LONGEST_S - _END_S and rising
+    rising = float(values[np.abs(grid - 2 * LONGEST_S / 3).argmin()] - values[-1]) > _STEEP
+    at_end = mean > LONGEST_S - _END_S and rising
     return mean, float(np.sqrt(weight @ (grid - mean) ** 2)), at_end

@@ -25,6 +25,7 @@ from acqd.dataset.power_values import no_value_note, no_values
 from acqd.dataset.schema import TIME, UTC_NS, read_columns, recording_table, unit_of
 from acqd.dataset.split import with_split
 from acqd.dataset.table_motion import require_power, trusted_motion, without_unusable
+from acqd.dataset.unaligned import clock_doubts
 from acqd.errors import UserError
 from acqd.robot.description import RobotDescription, load_description
 from acqd.robot.labels import from_cells
@@ -85,7 +86,8 @@ def write_table(table: pa.Table, out: Path, robot: str, measured: Measured, seed
         raise UserError("the table has no valid rows")
     require_power(P, valid, step_s * 1e9, description)
     notes += _motion_notes(recordings, description.axes, step_s)
-    notes += judge_table(recordings, description)
+    doubts = clock_doubts(recordings, description, step_s)
+    notes += doubts + judge_table(recordings, description, by_power=not doubts)
     entries = [
         _entry(recording, part, step_s) | {"motion": quality.as_json() | {"unknown_ends": recording.unknown_ends}}
         for recording, part, quality in zip(recordings, parts, qualities, strict=True)

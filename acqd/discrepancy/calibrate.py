@@ -12,6 +12,7 @@ from typing import Any
 import orjson
 
 from acqd.atomic import complete_folder
+from acqd.discrepancy.averaging import with_like_means
 from acqd.discrepancy.config import CloseConfig
 from acqd.discrepancy.recordings import subject_of
 from acqd.discrepancy.repair.terms import FIRST_MOMENT, reported
@@ -67,7 +68,7 @@ def calibrate(
     if not (math.isfinite(known_kg) and known_kg > 0):
         raise UserError(f"--known-mass {known_kg:g}: expected the mass at the flange, in kg, above 0")
     require_free(config.out)
-    subject = subject_of(config, progress)
+    subject, _ = with_like_means(subject_of(config, progress))
     _, selection = search(config, subject, progress)
     payloads = [each for each in selection.effects if library()[each.id].known_mass]
     if not payloads:

@@ -69,7 +69,7 @@ def find_delay(scenes: Iterable[Scene], segments: list[Segment]) -> Delay | None
     middle = float(np.median(delays))
     spread = mad_sigma(delays, middle) + 1e-4
     rate, offset, rate_error = _line(t - origin, delays)
-    left = mad_sigma(delays - offset - rate * (t - origin), 0.0) + 1e-4
+    left = _about_line(delays - offset - rate * (t - origin)) + 1e-4
     span = float(np.ptp(t))
     single = list(zip(t.tolist(), delays.tolist(), strict=True))
     if abs(rate) * span > THRESHOLDS.delay_smallest_s and _gain(len(t), spread, left) - np.log(len(t)) > by_chance(
@@ -123,8 +123,13 @@ def _line(t: Floats, delays: Floats) -> tuple[float, float, float]:
     slope = theil_sen_slope(t, delays, least_apart=1.0)
     offset = float(np.median(delays - slope * t))
     left = delays - offset - slope * t
-    error = mad_sigma(left, 0.0) / max(float(np.sqrt(((t - t.mean()) ** 2).sum())), 1e-9)
+    error = _about_line(left) / max(float(np.sqrt(((t - t.mean()) ** 2).sum())), 1e-9)
     return slope, offset, error + 1e-12
+
+
+def _about_line(left: Floats) -> float:
+    """Robust deviation of residuals [recordings] of a line, which passes through two whatever their scatter."""
+    return mad_sigma(np.sort(np.abs(left))[2:], 0.0)
 
 
 def _best(scene: Scene, P: Floats) -> tuple[float, float, float]:

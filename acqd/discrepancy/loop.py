@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from acqd.discrepancy.ability.ability import Ability
+from acqd.discrepancy.averaging import with_like_means
 from acqd.discrepancy.closed import Closed
 from acqd.discrepancy.config import CloseConfig
 from acqd.discrepancy.joints.summary import joint_level
@@ -13,6 +14,7 @@ from acqd.discrepancy.remarks import (
     common_load,
     differing_logs,
     drifted_level,
+    largely_unexplained,
     not_added,
     stages_of,
     unused_efforts,
@@ -35,7 +37,7 @@ from acqd.residual.residuals import errors_of
 def close_loop(config: CloseConfig, progress: Progress) -> Closed:
     """Find effects, add them, measure the error. Raises UserError, InputError."""
     progress = _releasing(progress)
-    subject = subject_of(config, progress)
+    subject, of_meters = with_like_means(subject_of(config, progress))
     errors_before = errors_of(subject.model, subject.held_out)
     floor_W, floor_source = noise_floor([*subject.fit, *subject.held_out], subject.data.step_s)
     usual = UsualError.of(subject, floor_W)
@@ -60,6 +62,10 @@ def close_loop(config: CloseConfig, progress: Progress) -> Closed:
     if after.rmse < floor_W:  # no model can be better than the noise: brakes and supplies act at rest, too
         floor_W, floor_source = after.rmse, "of the residual, which is smaller than what the power varies by at rest"
     warnings = [
+        *of_meters,
+        *largely_unexplained(
+            selection, improved, errors_before, usual, grown=usual.exceeded_by(subject.held_out, improved.errors)
+        ),
         *differing_logs(selection, improved),
         *common_load(selection),
         *drifted_level(selection),

@@ -11,6 +11,7 @@ from typing import Any, Literal
 import numpy as np
 
 from acqd.discrepancy.config import CloseConfig
+from acqd.discrepancy.overlaps import without_shared_rows
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.errors import UserError
 from acqd.models.bundle.bundle import Bundle
@@ -25,6 +26,8 @@ from acqd.models.segments import Dataset, Segment, load_dataset
 from acqd.models.yearly import moving_rows, require_duty
 from acqd.robot.description import RobotDescription, load_description
 
+_ROUNDING = 1e-9
+"""rad or m: what interpolation leaves of a constant angle."""
 Question = Literal["change", "structure"]
 """What has changed since the reference; what the model lacks in all recordings."""
 
@@ -66,12 +69,14 @@ def subject_of(config: CloseConfig, progress: Callable[[str, float], None]) -> S
     strangers = _strangers(config, bundle, data, robot)
     provenance = bundle.metadata["provenance"]
     same = is_training_dataset(provenance, data)
+    reference, notes = _reference(config, data, same=same)
+    data, shared = _without_shared_rows(data, reference)
     unseen, remarks = _unseen(provenance, data)
+    remarks += _unmoved_joints(data, reference)
     remarks += _trained_sessions(config, data, unseen)
     _require_enough(config, data, data.segments if same else unseen or data.segments)
     if not unseen:
         raise UserError(f"{config.dataset}: the model was fitted on all of its recordings; close the loop on new ones")
-    reference, notes = _reference(config, data, same=same)
     fit, held_out = _hold_out(data.segments, unseen, same=same)
     require_duty(config.duty, [moving_rows(segment, data.step_s) for segment in held_out], config.dataset)
     withheld = frozenset(bundle.metadata.get("withheld", ()))
@@ -84,7 +89,7 @@ def subject_of(config: CloseConfig, progress: Callable[[str, float], None]) -> S
     return Subject(
         bundle=bundle, model=model, carrier=carrier, robot=robot, data=data,
         question="change" if reference else "structure", fit=fit, held_out=held_out, reference=reference,
-        withheld=withheld, chosen=_chosen(config), notes=[*strangers, *copies, *remarks, *notes],
+        withheld=withheld, chosen=_chosen(config), notes=[*strangers, *copies, *shared, *remarks, *notes],
     )  # fmt: skip
 
 
@@ -121,7 +126,10 @@ def _trained_sessions(config: CloseConfig, data: Dataset, unseen: list[Segment])
         own = {s.recording for s in data.segments if s.session == f"session {number}"}
         new = {s.recording for s in unseen if s.session == f"session {number}"}
         if not new:
-            raise UserError(f"--with {path}: the model was fitted on all of its recordings; name those made since")
+            raise UserError(
+                f"--with {path}: the model was fitted on all of its recordings, or its reference holds them; "
+                "name those made since"
+            )
         if own - new:
             notes.append(f"{len(own - new)} of {len(own)} recordings of {path} were part of the training; left out")
     return notes
@@ -176,7 +184,7 @@ def _unseen(provenance: dict[str, Any], data: Dataset) -> tuple[list[Segment], l
 
 
 def _require_enough(config: CloseConfig, data: Dataset, segments: list[Segment]) -> None:
-    least = THRESHOLDS.block_least_rows + 2 * RADIUS + 1
+    least = _least_rows()
     long_enough = [segment for segment in segments if len(segment.P) >= least]
     recordings = {segment.recording for segment in long_enough}
     seconds = sum(len(segment.P) for segment in long_enough) * data.step_s
@@ -188,6 +196,21 @@ def _require_enough(config: CloseConfig, data: Dataset, segments: list[Segment])
             f"{config.dataset}: {len(recordings)} recordings of at least {least * data.step_s:.1f} s, "
             f"{seconds:.0f} s together, are too few to distinguish an effect from chance; {more}"
         )
+
+
+def _unmoved_joints(data: Dataset, reference: list[Segment]) -> list[str]:
+    """A note of joints without any change of angle, not even noise, that move in the reference."""
+    now, then = (np.concatenate([s.q for s in each]) for each in (data.segments, reference or data.segments))
+    joints = np.flatnonzero((np.ptp(now, axis=0) <= _ROUNDING) & (np.ptp(then, axis=0) > _ROUNDING)) + 1
+    if not len(joints):
+        return []
+    names = ", ".join(f"q{joint}" for joint in joints)
+    return [f"{names}: one angle in all rows in question, but not in the reference; is the column measured?"]
+
+
+def _least_rows() -> int:
+    """Of a segment: a block, and the motion around it."""
+    return THRESHOLDS.block_least_rows + 2 * RADIUS + 1
 
 
 def _reference(config: CloseConfig, data: Dataset, *, same: bool) -> tuple[list[Segment], list[str]]:
@@ -232,6 +255,14 @@ def _without_copies(data: Dataset) -> tuple[Dataset, list[str]]:
     return replace(data, segments=kept), [
         f"{', '.join(left)}: same power and angles as an earlier recording of {data.path}; left out"
     ]
+
+
+def _without_shared_rows(data: Dataset, reference: list[Segment]) -> tuple[Dataset, list[str]]:
+    """Without rows that an earlier recording or the reference holds, and a note. Raises UserError without others."""
+    segments, lines = without_shared_rows(data.segments, reference, data.step_s, _least_rows())
+    if not segments:
+        raise UserError(f"{data.path}: the reference holds all of its power rows; close the loop on later recordings")
+    return (replace(data, segments=segments), lines) if lines else (data, [])
 
 
 def is_training_dataset(provenance: dict[str, Any], data: Dataset) -> bool:

@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+from acqd.arrays import Floats
 from acqd.discrepancy.recordings import Subject
 from acqd.discrepancy.repair.guard import Improved
+from acqd.discrepancy.repair.terms import Reported
+from acqd.discrepancy.repair.usual_error import UsualError
 from acqd.discrepancy.search import clock_effects
-from acqd.discrepancy.selection.accepted import Selection
+from acqd.discrepancy.selection.accepted import Selection, power_in_question
 from acqd.discrepancy.selection.session_columns import LEVEL
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.models.effects import library
 from acqd.residual.logged_torque import side_of
+from acqd.residual.residuals import explained_share, rms
 from acqd.threshold import Stage
+
+_MOST = 0.5
+"""Share from which on something explains more than all the rest together."""
 
 
 def stages_of(subject: Subject, selection: Selection) -> frozenset[Stage]:
@@ -44,6 +51,39 @@ def differing_logs(selection: Selection, improved: Improved) -> list[str]:
                 f"explained clearly better by other parameters; close the loop on single sessions"
             )
     return notes
+
+
+def largely_unexplained(
+    selection: Selection, improved: Improved, errors_before: list[Floats], usual: UsualError, *, grown: bool
+) -> list[str]:
+    """A note where the names explain less than half of what the error has grown by, and the rest is no usual error.
+
+    `grown`: whether the errors that remain are larger than those of the reference. Effects whose times nothing predicts
+    explain nothing of recordings that took no part; their power counts as in the recordings of the search.
+    """
+    if usual.reference_rms is None or not grown or not improved.named:
+        return []
+    most = max(rms(errors_before) ** 2 - usual.lowest_W**2, 1e-12)
+    share = explained_share(errors_before, improved.errors, usual.lowest_W)
+    share += sum(_timed_squares(selection, each) for each in improved.named) / most
+    if share >= _MOST:
+        return []
+    sizes = f"{rms(improved.errors):.2f} W remain on held-out recordings, {usual.lowest_W:.2f} W in the reference"
+    explained = f"what has a name explains {max(share, 0.0):.0%} of what the squared error has grown by"
+    return [f"{explained}: {sizes}; the largest cause may be another one"]
+
+
+def _timed_squares(selection: Selection, effect: Reported) -> float:
+    """W^2: mean square of the power of a named effect whose times nothing predicts; 0 of other effects."""
+    if library()[effect.term.id].predictable:
+        return 0.0
+    powers = [
+        power
+        for each in selection.effects
+        if (each.id, each.place.where) == (effect.term.id, effect.term.where)
+        for power in power_in_question(selection.design, each.finding, each.gate.open)
+    ]
+    return rms(powers) ** 2 if powers else 0.0
 
 
 def drifted_level(selection: Selection) -> list[str]:

@@ -145,7 +145,10 @@ def load_tariff(path: Path, zone: str | None = None) -> Tariff:
         raise InputError(path, f"is not TOML: {error}") from None
     except ValidationError as error:
         first = error.errors()[0]
-        raise InputError(path, f"{'.'.join(map(str, first['loc']))}: {in_our_words(first['msg'])}") from None
+        said = in_our_words(first["msg"])
+        if first["type"] == "extra_forbidden" and len(first["loc"]) == 1:
+            said += f" The keys are {', '.join(_File.model_fields)}"
+        raise InputError(path, f"{'.'.join(map(str, first['loc']))}: {said}") from None
     try:
         return _tariff(path, given, zone)
     except InputError:

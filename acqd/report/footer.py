@@ -29,6 +29,8 @@ def version() -> str:
 def command(arguments: list[str]) -> str:
     """The command line of this process, without credentials in URLs."""
     words = [_CREDENTIALS.sub("://", word) for word in arguments[1:]] or ["-"]
+    if words[:3] == ["-P", "-m", "acqd"]:  # as a command starts another one
+        words = words[2:]
     if Path(words[0]).name == "acqd":
         return shlex.join(["acqd", *words[1:]])
     return shlex.join(["python", *words])

@@ -71,6 +71,8 @@ class LogColumns(Section):
     """With `time_ns`: time as whole seconds and nanoseconds in two columns."""
     time_ns: str | None = None
     q: str = "q{1}"
+    angles: Literal["rad", "deg"] = "rad"
+    """Unit of `q`, and per second of `qd`, of the joints that turn."""
     qd: str | None = None
     tau: str | None = None
     current: str | None = None

@@ -120,6 +120,8 @@ def clock_restart(time: Floats, q: Floats) -> int | None:
     if often and _way(q[np.argsort(time, kind="stable")]) < _SHORTER * _way(q):
         return None
     for before, after in itertools.pairwise(_runs(time)):
+        if (time[before] > time[after][0]).sum() < _RUN:
+            continue  # a few rows whose stamps are late, before the next ones
         both = (time[after] > time[before][0]) & (time[after] < time[before][-1])
         again = time[after][both]
         # a block that came late fills a gap

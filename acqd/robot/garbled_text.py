@@ -12,6 +12,10 @@ from acqd.robot.table import Table
 _NO_TIMES = 0.9
 """Share of rows without a time beyond which times are of another form."""
 _NAMED_ROWS = 5
+_DEGREES = 20.0
+"""Angle [rad] from which on degrees are likelier than turns."""
+_MANY = 0.1
+"""Share of the rows with such an angle."""
 
 
 def refusal(table: Table, q: Floats, faults: dict[int, str], robot: RobotDescription) -> str:
@@ -28,11 +32,15 @@ def refusal(table: Table, q: Floats, faults: dict[int, str], robot: RobotDescrip
     share = f" ({len(faults)} of {len(q)} rows are garbled)" if len(faults) > 1 else ""
     worst = np.abs(q).max(axis=0, initial=0.0, where=np.isfinite(q))
     beyond = np.flatnonzero(worst > limits(robot))
+    often = (np.abs(q) > _DEGREES).any(axis=1).mean() > _MANY  # damage makes few such rows
+    if often and (np.radians(worst) <= limits(robot)).all():
+        axis = int(beyond[0]) if len(beyond) else int(worst.argmax())
+        text = beyond_limit(robot, axis, float(worst[axis]))
+        remedy = 'write radians, or angles = "deg" in [[log]] of the robot\'s description'
+        return f"{text}; the angles look like degrees: {remedy}"
     if BEYOND not in text or not len(beyond):
         return f"row {table.line(row)}: {text}{share}"
     text = beyond_limit(robot, int(beyond[0]), float(worst[beyond[0]]))
-    if (np.radians(worst) <= limits(robot)).all() and worst.max() > 20:
-        return f"{text}; the angles look like degrees: write radians"
     return f"{text}; is this a log of {robot.name}?"
 
 

@@ -144,4 +144,9 @@ def why_not(table: Table, robot: RobotDescription) -> str:
             "units, blanks or underscores"
         )
     expected = " or ".join([f"time,q1..q{robot.axes}", *patterns[:-1]])
-    return f"has none of the columns a log of {robot.name} has ({expected}); look at its first line"
+    own = next((count for numbers in numbered.values() if (count := len(numbers)) == robot.axes), 0)
+    named = f"; if {own} numbered columns of its first line are the angles, " if own else "; otherwise "
+    return (
+        f"has none of the columns a log of {robot.name} has ({expected}){named}name them in a section [[log]] of the "
+        'robot\'s description, as q = "joint_{1}", with angles = "deg" for degrees'
+    )

@@ -51,7 +51,7 @@ def log_of(path: Path, table: Table, robot: RobotDescription) -> RobotLog:
     repeated = twice(table, found[1])
     if repeated is not None:
         raise InputError(path, f"has several columns {repeated!r}; expected one: rename or remove the others")
-    log = _assemble(path, table, *found)
+    log = _in_radians(_assemble(path, table, *found), found[0], robot)
     log, stamps = rebuilt(log, robot)
     point = table.values[:, found[1]["tool_point"]] if "tool_point" in found[1] else None
     recorded, log = log.q, _unwrapped(log, robot)
@@ -184,6 +184,13 @@ def _trusted(log: RobotLog, robot: RobotDescription, found: MotionQuality, q_ste
     kept = np.ones(len(log.time), bool)
     kept[np.isin(log.time, stamps[doubts.any])] = False
     return log.part(kept, log.path)
+
+
+def _in_radians(log: RobotLog, layout: LogColumns, robot: RobotDescription) -> RobotLog:
+    if layout.angles == "rad":
+        return log
+    unit = np.array([1.0 if joint.slides else np.pi / 180 for joint in robot.joint])
+    return replace(log, q=log.q * unit, qd=None if log.qd is None else log.qd * unit)
 
 
 def _assemble(path: Path, table: Table, layout: LogColumns, columns: Columns) -> RobotLog:

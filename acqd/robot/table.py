@@ -16,7 +16,7 @@ from acqd.errors import InputError, UserError
 from acqd.extras import install_command
 from acqd.parquet_size import check_size
 from acqd.robot.labels import from_cells
-from acqd.robot.table_text import Table, joined, number_in, text_tables
+from acqd.robot.table_text import NO_ROWS, Table, joined, number_in, text_tables
 
 __all__ = ["Table", "read_table", "text_of"]
 
@@ -110,7 +110,7 @@ def _read_parquet(path: Path, words: Collection[str]) -> Table:
     except (OSError, pyarrow.ArrowException) as error:
         raise InputError(path, f"is not a Parquet file ({str(error).splitlines()[0]})") from None
     if not len(table) or not table.num_columns:
-        raise InputError(path, "has no rows of numbers")
+        raise InputError(path, NO_ROWS)
     names: list[str] = table.schema.names
     columns = [_numbers(path, name, column) for name, column in zip(names, table.columns, strict=True)]
     texts = {

@@ -19,6 +19,7 @@ from acqd.errors import InputError
 from acqd.robot.labels import Texts, from_cells, from_numbers
 from acqd.robot.last_line import CUT_OFF, MOST_ROWS, is_cut_off, lacks_cells
 
+NO_ROWS = "has no rows of numbers; expected the log of a robot: names of columns, then rows of numbers"
 _BLOCK_BYTES = 1 << 20
 _LONGEST_LINE = 1 << 16
 """Bytes. A longer line is no row of a robot's log; without this limit, a file without line ends fills the memory."""
@@ -104,7 +105,7 @@ def text_tables(path: Path, file: BinaryIO, words: Collection[str] = (), *, by_d
     if layout is None:
         raise InputError(path, "is empty")
     if not rows:
-        raise InputError(path, "has no rows of numbers")
+        raise InputError(path, NO_ROWS)
 
 
 def _without_comments(numbered: list[tuple[int, str]]) -> list[tuple[int, str]]:

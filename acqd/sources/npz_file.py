@@ -19,6 +19,8 @@ _KEYS = ("u_code", "i_code", "u_V_per_digit", "i_A_per_digit", "fs")
 _EARLIEST_NS = 10**16
 """April 1970: microseconds of this century are less."""
 _PHYSICAL = ("u_V", "i_A", "fs")
+_DAMAGED = "is truncated or no NPZ file; record or copy it again, or save with numpy.savez"
+_OBJECTS = "holds Python objects (dtype object), which are not read; save arrays of numbers with numpy.savez"
 
 
 def load(path: Path, given: ChannelMap) -> Recording:
@@ -85,6 +87,8 @@ def _named(path: Path, data: dict[str, Any], given: ChannelMap) -> Recording:
             contents.numbers[key] = float(array.reshape(()))
         elif array.dtype.kind in "iuf":
             contents.add(key, array.shape, partial(data.__getitem__, key))
+        elif array.dtype.kind == "c":
+            contents.notes.append(f"{key} holds complex numbers, expected real ones: left out")
     return recording_of(path, "NPZ of named arrays", contents, given, "save u_V, i_A and fs with numpy.savez")
 
 
@@ -108,10 +112,12 @@ def _read(path: Path) -> dict[str, Any]:
         raise
     except MemoryError:
         raise InputError(path, "announces arrays that are larger than the memory") from None
+    except ValueError as error:
+        if "allow_pickle" in str(error):
+            raise InputError(path, _OBJECTS) from None
+        raise InputError(path, _DAMAGED) from None
     except Exception:  # whatever a damaged archive makes zipfile, zlib and numpy raise
-        raise InputError(
-            path, "is truncated or no NPZ file; record or copy it again, or save with numpy.savez"
-        ) from None
+        raise InputError(path, _DAMAGED) from None
     odd = next((key for key, array in data.items() if not isinstance(array, np.ndarray)), None)
     if odd is not None:  # numpy hands out members that are no arrays as bytes
         raise InputError(path, f"{odd} is no array of numpy")

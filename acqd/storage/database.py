@@ -53,12 +53,12 @@ def open_database(url: str, *, create: bool = True) -> sa.Engine:
     """Engine for `url` (or a plain path: SQLite), with the schema brought up to date.
 
     Raises UserError for a URL, path or server that cannot be used; without `create`, for a SQLite file that is not
-    there and for a server's database without tables, as an empty replica is: only the sink makes them.
+    there or another program's, and for a server's database without tables, as an empty replica is: only the sink makes
+    them.
     """
     engine = engine_for(url)
     if not create:
         _require_file(engine)
-    if not create and engine.dialect.name != "sqlite":
         _check_tables(engine)
     prepare(engine)
     return engine
@@ -66,14 +66,27 @@ def open_database(url: str, *, create: bool = True) -> sa.Engine:
 
 def _check_tables(engine: sa.Engine) -> None:
     try:
-        with engine.connect() as connection:
-            there = sa.inspect(connection).has_table("power")
-    except sa.exc.DBAPIError:
+        file = file_of(engine)
+        there = _holds_tables(engine) if file is None else _may_be_ours(file)
+    except (sa.exc.DBAPIError, sqlite3.Error):
         return  # `prepare` says why
     if not there:
         raise UserError(
             f"database {shown(engine.url)} has no tables of acqd: empty, or another one; a sink makes them at its start"
         )
+
+
+def _holds_tables(engine: sa.Engine) -> bool:
+    with engine.connect() as connection:
+        return sa.inspect(connection).has_table("power")
+
+
+def _may_be_ours(file: Path) -> bool:
+    """Whether an SQLite file has tables of acqd, or none yet. It is not touched: another program's stays as it is."""
+    with contextlib.closing(sqlite3.connect(f"{file.absolute().as_uri()}?mode=ro", uri=True)) as connection:
+        there = connection.execute("SELECT name FROM sqlite_master WHERE type IN ('table', 'view')")
+        names = {name for (name,) in there}
+    return not names or {"power", "alembic_version"} <= names
 
 
 def prepare(engine: sa.Engine) -> None:
@@ -93,6 +106,8 @@ def prepare(engine: sa.Engine) -> None:
         advice = "is it another program's file?" if foreign else _advice(engine)
         if _lacks_rights(error):
             advice = _RIGHTS
+        elif "already exists" in reason:
+            advice = "is it another program's database? Name another one"
         message = f"database {shown(engine.url)}: {reason}; {advice}"
         raise (UserError(message) if permanent else DatabaseAwayError(message, reason)) from None
 

@@ -157,6 +157,7 @@ class Sink:
         try:
             subscriber.connect()
             self._subscriber = subscriber
+            self.counters.certificate_ends = subscriber.certificate_ends
             self.counters.reconnects += 1
             if self._settings.group and self._version == V5:
                 # A session from a time without sharing would get every row.
@@ -215,11 +216,15 @@ class Sink:
         self.counters.recalls = self._writer.guard.restored
         if self._announced and self._recalled < self._writer.guard.recall:
             self._recalled = self._writer.guard.recall
-            subscriber.publish(topics.sink_status(self._settings.client_id), self._announcement(recall=True))
+            content = self._announcement(recall=True)
+            subscriber.publish(topics.sink_status(self._settings.client_id), content, retain=True)
 
     def _announcement(self, **more: bool) -> bytes:
+        """`recalled`: daemons that were away when the rows were asked for find that when they come back."""
         about = {"version": __version__, "host": socket.gethostname(), "started": self._started}
-        return orjson.dumps({"state": "online", "sink": self._settings.client_id, "schema": 1, **about, **more})
+        recalled = {"recalled": f"{self._started}/{self._recalled}"} if self._recalled else {}
+        content = {"state": "online", "sink": self._settings.client_id, "schema": 1, **about, **recalled, **more}
+        return orjson.dumps(content)
 
     def _count(self, committer: Committer) -> list[tuple[Batch, Written]]:
         """What was committed since the last call."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import socket
 import ssl
 import time
 from collections.abc import Iterable, Iterator
@@ -44,11 +45,29 @@ def trouble(paths: Iterable[Path | None], now: float | None = None) -> str:
             end = ends(path)
         except (OSError, ValueError) as error:
             return f"certificate {path}: {getattr(error, 'strerror', None) or error}"
-        days = None if end is None else (end.timestamp() - (time.time() if now is None else now)) / 86_400
-        if end is not None and days is not None and days < WARN_DAYS:
-            when = f"ends in {days:.0f} days, on {end:%Y-%m-%d}" if days > 0 else f"has ended on {end:%Y-%m-%d}"
-            return f"certificate {path} {when}"
+        if near := near_end(str(path), end, now):
+            return near
     return ""
+
+
+def near_end(name: str, end: datetime | None, now: float | None = None) -> str:
+    """That a certificate ends within `WARN_DAYS` or has ended, else empty. `now`: Unix s."""
+    if end is None:
+        return ""
+    days = (end.timestamp() - (time.time() if now is None else now)) / 86_400
+    if days >= WARN_DAYS:
+        return ""
+    when = f"ends in {days:.0f} days, on {end:%Y-%m-%d}" if days > 0 else f"has ended on {end:%Y-%m-%d}"
+    return f"certificate {name} {when}"
+
+
+def end_of_peer(sock: socket.socket) -> datetime | None:
+    """The end of the certificate that the other side of a connection has shown; None without TLS."""
+    shown = sock.getpeercert(binary_form=True) if isinstance(sock, ssl.SSLSocket) else None
+    try:
+        return None if shown is None else not_after(shown)
+    except ValueError:
+        return None
 
 
 def _parts(data: bytes) -> Iterator[tuple[int, bytes]]:

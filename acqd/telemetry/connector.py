@@ -10,8 +10,10 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
+import math
 import time
 from collections.abc import Callable, Sequence
+from datetime import datetime
 from typing import Literal
 
 from acqd.errors import UserError
@@ -58,13 +60,16 @@ class Connector:
         self.delivered = 0
         """Messages that the broker has acknowledged."""
         self.reconnects = -1
-        self._short = 0
+        self.certificate_ends: datetime | None = None
+        """When the certificate ends that the broker has shown last; None without TLS."""
+        self._short, self._since = 0, -math.inf
         self._patience = Patience()
 
     @property
     def trouble(self) -> str:
         """Why there is no connection, or what is wrong with connections that are lost again and again, else empty."""
-        if self._short < _SHORT:
+        lasts = self.state == "connected" and time.monotonic() - self._since > _SHORT_S
+        if self._short < _SHORT or lasts:
             return self._failure if self.state == "connecting" else ""
         return (
             f"connections end within seconds: does another daemon use the device name of {self._client_id}, or does "
@@ -120,7 +125,8 @@ class Connector:
         will = Message(self._status_topic, OFFLINE, retain=True)
         async with Session(self._address, self._client_id, will, self._outbox, patience=self._patience) as session:
             self.reconnects += 1
-            self.state, self._failure = "connected", ""
+            self.state, self._failure, self._since = "connected", "", time.monotonic()
+            self.certificate_ends = session.certificate_ends
             _log.info("connected to broker %s", self._address)
             try:
                 self._outbox.begin()

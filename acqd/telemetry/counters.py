@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from datetime import datetime
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +51,8 @@ class TelemetryCounters:
     connected: bool
     broker_trouble: str
     """Why connections end again and again, else empty."""
+    certificate_ends: datetime | None
+    """When the broker's certificate ends; None without TLS."""
     rights_trouble: str
     """Which rows the broker acknowledges and does not take, else empty."""
     clock_trouble: str

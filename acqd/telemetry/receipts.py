@@ -100,21 +100,24 @@ def ranges_of(device: str, message: Receipt) -> list[tuple[Stream, int, int]]:
 
 
 class Announcement(msgspec.Struct):
-    """What a sink says on its status topic."""
+    """What a sink says on its status topic, which the broker keeps."""
 
     recall: bool = False
-    """Its database is new or in an earlier state: rows that had a receipt are missing."""
+    """Its database is new or in an earlier state: rows that had a receipt are missing. Sinks of earlier
+    versions say no more."""
+    recalled: str = ""
+    """Names the last time that this was so, for daemons that were away then."""
 
 
 _announcements = msgspec.json.Decoder(Announcement)
 
 
-def recalls(payload: bytes) -> bool:
-    """Whether a sink asks for rows that it had receipted."""
+def announcement(payload: bytes) -> Announcement:
+    """What a sink says; nothing where it cannot be read."""
     try:
-        return _announcements.decode(payload).recall
+        return _announcements.decode(payload)
     except (msgspec.DecodeError, RecursionError):
-        return False
+        return Announcement()
 
 
 def _groups(entries: Iterable[StoredRows]) -> Iterator[list[StoredRows]]:

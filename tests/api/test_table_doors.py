@@ -73,3 +73,32 @@ def test_columns_and_rows_that_say_nothing_are_left_out_with_a_warning(tmp_path)
     assert not data["valid"].to_numpy()[nothing].any()
     for part in ("hold 0 W", "the torque of every joint never changes", "the current of 1 of 6 joints is missing"):
         assert part in lines
+
+
+def drawn(shift_s):
+    """Three recordings of a UR10e whose power follows from the motion of `shift_s` earlier."""
+    frames = []
+    for number in range(3):
+        random = np.random.default_rng(number)
+        shape = random.uniform(0.3, 0.6, (2, 6)), random.uniform(0.2, 0.9, (2, 6)), random.uniform(0, 6, (2, 6))
+
+        def motion(t, shape=shape):
+            size, rate, phase = (values[:, None] for values in shape)
+            angle = 2 * np.pi * rate * t[:, None] + phase
+            q = (size * np.sin(angle)).sum(axis=0)
+            return q, (size * 2 * np.pi * rate * np.cos(angle)).sum(axis=0)
+
+        frame = one(number)
+        q, _ = motion(SECONDS)
+        _, qd = motion(SECONDS - shift_s)
+        frame["P"] = 60 + (8 * np.abs(qd) + 4 * qd**2).sum(axis=1) + random.normal(0, 0.5, len(q))
+        frames.append(frame.assign(**{f"q{axis + 1}": q[:, axis] for axis in range(6)}))
+    return pd.concat(frames, ignore_index=True)
+
+
+@pytest.mark.parametrize(("shift_s", "line"), [(0.3, "ms after the motion"), (-0.2, "ms before the motion"), (0, "")])
+def test_power_of_another_time_than_the_motion_is_doubted(tmp_path, shift_s, line):
+    with pytest.warns(UserWarning) as warned:
+        acqd.Dataset.from_pandas(drawn(shift_s), tmp_path / "ds", robot="ur10e", measured="simulated")
+    lines = [text for each in warned if "ms after the m" in (text := str(each.message)) or "ms before the m" in text]
+    assert len(lines) == bool(line) and all(line in text for text in lines)

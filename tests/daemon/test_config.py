@@ -77,6 +77,7 @@ def test_every_kind_has_its_block():
 MISTAKES = {
     "[metring]\n": "unknown key metring; did you mean metering?",
     "[sorce]\n": "unknown key sorce; did you mean source?",
+    "[[box]]\ndevice = 'a'\n": "unknown key box; acqd config init writes a file with every key",
     "port = 1884\n": "unknown key port; did you mean source.port or mqtt.port or",
     "[source]\npower_factor = true\n": "source.power_factor: expected a number (got true)",
     "[source]\nvoltage = '230'\n": "source.voltage: expected a number (got '230')",

@@ -1,5 +1,7 @@
 """Lags of real motion that is written with few digits: right, or within an interval that says so."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -78,3 +80,20 @@ def test_rows_that_are_dense_in_motion_only_keep_the_motion():
     time = np.concatenate([moving, resting, 42 + moving])
     apart, values = _apart(time, np.sin(time)[:, None])
     assert (apart < 2).sum() > 150 and np.abs(values[:, 0] - np.sin(apart)).max() < 1e-3
+
+
+def held_log(step_s, longest_s):
+    """An arm that moves, without the rows of `longest_s` in every second."""
+    t = np.arange(0.0, 12.0, step_s)
+    kept = (t % 1.0 == 0) | (t % 1.0 >= longest_s)
+    q = np.column_stack([np.sin((1 + 0.1 * k) * t) for k in range(6)])
+    return RobotLog(Path("log.csv"), t[kept], q[kept])
+
+
+def test_motion_across_rows_that_are_far_apart_is_not_known():
+    known = regressors_of(held_log(0.01, 0.2), ROBOT).known
+    assert known is not None and 0.5 < known.mean() < 0.7
+
+
+def test_motion_between_seldom_rows_is_known():
+    assert regressors_of(held_log(0.12, 0.0), ROBOT).known is None

@@ -56,6 +56,13 @@ def test_confidence_in_a_clock_knows_an_offset_from_a_drift(ppm, drifting):
     assert said > drifting if ppm else said < drifting
 
 
+def test_three_recordings_do_not_prove_a_drift():
+    """A line passes through two of three recordings: what the third is off by is the scatter of all."""
+    single = [(0.0, 0.077), (72.0, 0.064), (144.0, 0.085)]
+    term = clock_term(Delay(0.077, 0.0, 0.0, 0.006, 0.0, single))
+    assert term.term.id == "clock_offset" and term.confidence > 0.4
+
+
 @settings(max_examples=25, deadline=None)
 @given(late_s=st.floats(-0.03, 0.03), seed=st.integers(0, 1000))
 def test_delays_below_the_step_of_the_search_are_found_and_explain_what_they_explain(late_s, seed):

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from acqd.discrepancy.recordings import is_training_dataset, trained_recordings
+from acqd.discrepancy.recordings import _unmoved_joints, is_training_dataset, trained_recordings
 from acqd.models.segments import Dataset, Segment
 
 
@@ -37,3 +37,15 @@ def test_a_bundle_of_before_knows_names_in_its_own_dataset():
 def test_the_last_fit_counts_as_well_as_the_training():
     closed = NEW | {"closed_manifest_sha256": "closed", "closed_dataset_content": "?", "closed_seen_content": ["C"]}
     assert trained_recordings(closed, DATA) == {"A", "B", "C"} and not is_training_dataset(closed, DATA)
+
+
+def test_an_angle_that_never_changes_is_doubted_where_the_reference_has_it():
+    moving = np.random.default_rng(1).normal(0, 1, (9, 6))
+    stuck = moving.copy()
+    stuck[:, 2] = 0.4
+    reference = [replace(recording("r", "R"), q=moving)]
+    (line,) = _unmoved_joints(replace(DATA, segments=[replace(DATA.segments[0], q=stuck)]), reference)
+    assert line.startswith("q3: one angle in all rows in question")
+    for side in (reference, []):
+        assert _unmoved_joints(replace(DATA, segments=[replace(DATA.segments[0], q=moving)]), side) == []
+    assert _unmoved_joints(replace(DATA, segments=[replace(DATA.segments[0], q=stuck)]), []) == []

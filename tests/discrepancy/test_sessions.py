@@ -1,8 +1,11 @@
 """Recordings in question from several sessions."""
 
+import pytest
+
 from acqd.discrepancy.config import CloseConfig
 from acqd.discrepancy.recordings import subject_of
 from acqd.discrepancy.search import begins_of
+from acqd.errors import UserError
 from acqd.models.augmented import Term
 from tests.builders import recording, write_dataset
 
@@ -20,12 +23,20 @@ def test_recordings_of_a_later_session_join_those_in_question_and_begin_on_their
     assert CloseConfig.from_json(config.as_json(), config.out) == config
 
 
-def test_recordings_that_the_model_was_trained_on_are_left_out_with_a_note(closed, tmp_path):
+def test_recordings_that_the_model_was_trained_on_are_left_out_with_a_note(closed, tmp_path, model):
     folder, _ = closed
+    other = write_dataset(tmp_path / "other", [recording(model, k, seed=8, start_s=2e9) for k in range(4)])
     further = (folder / "before" / "ds",)
-    config = CloseConfig(folder / "now" / "ds", folder / "model", tmp_path / "out", further=further)
+    config = CloseConfig(folder / "now" / "ds", folder / "model", tmp_path / "out", other, further=further)
     notes = subject_of(config, lambda *_: None).notes
     assert any("8 of 9 recordings of" in note and "left out" in note for note in notes)
+
+
+def test_recordings_of_the_reference_are_not_in_question(closed, tmp_path):
+    folder, _ = closed
+    config = CloseConfig(folder / "now" / "ds", folder / "model", tmp_path, further=(folder / "before" / "ds",))
+    with pytest.raises(UserError, match="or its reference holds them; name those made since"):
+        subject_of(config, lambda *_: None)
 
 
 def test_a_term_knows_the_start_of_every_session():

@@ -111,6 +111,13 @@ def test_marks_that_cannot_be_used_are_one_line(works, tmp_path, text, why):
     assert why in refused(acqd_here("energy", *words))
 
 
+def test_marks_without_a_device_are_those_of_the_only_one(works, tmp_path):
+    (tmp_path / "m.csv").write_text(f"time,part\n{shown(0)},gear\n")
+    span = ("--zone", "UTC", "--from", shown(0), "--to", shown(600), "--by", "part", "--marks", tmp_path / "m.csv")
+    (device,) = json.loads(acqd_here("energy", "--database", works / "p.sqlite", *span, "--json").stdout)["devices"]
+    assert device["device"] == "cell1" and device["rows"] == 600
+
+
 def test_a_line_that_repeats_the_value_is_no_new_visit(works):
     marks = [(0, ""), (100, "gear"), (200, "gear"), (690, "gear"), (900, "")]
     (device,) = json.loads(ask(works, marks, "--json").stdout)["devices"]

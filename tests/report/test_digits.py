@@ -46,6 +46,7 @@ def test_shares_and_durations():
 def test_the_command_of_the_footer_holds_no_credentials():
     words = ["/venv/bin/python", "/venv/bin/acqd", "dataset", "build", "--power", "postgresql://me:secret@db/power"]
     assert command(words) == "acqd dataset build --power postgresql://db/power"
+    assert command(["python3", "-P", "-m", "acqd", "close-loop", "ds"]) == "acqd close-loop ds"
     assert command(["python3", "-m", "tools.studies.thesis", "OUT"]) == "python -m tools.studies.thesis OUT"
 
 

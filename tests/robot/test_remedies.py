@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from acqd.errors import InputError
-from acqd.robot.description import RobotDescription, load_description
+from acqd.robot.description import LogColumns, RobotDescription, load_description
 from acqd.robot.log_reader import read_log
 from acqd.robot.plausibility import implausible
 from acqd.robot.urdf.describe import describe_urdf
@@ -44,6 +44,11 @@ def test_titles_separators_at_line_ends_and_utf_16_are_read(tmp_path, text):
         (b"<!DOCTYPE html><html>", "download the file itself"),
         (HEADER.replace("q", "Q").encode() + ROWS.encode(), "in small letters, without units"),
         (b"time,q0,q1,q2,q3,q4,q5\n" + ROWS.encode(), "counts its axes from 0"),
+        (("time,A1,A2,A3,A4,A5,A6\n" + ROWS).encode(), r'if 6 numbered columns .* angles = "deg" for degrees'),
+        (
+            (HEADER + "".join(f"{t:.2f},{60 * np.sin(6 * t):.4f},1,1,1,1,1\n" for t in T)).encode(),
+            'look like degrees: write radians, or angles = "deg"',
+        ),
         ((HEADER + "08:15:00.1,0,0,0,0,0,0\n" * 200).encode(), "its times are neither numbers nor dates"),
         ((HEADER + "".join(f"{1769500000 + t:.3f}000,0,0,0,0,0,0\n".replace(".", "") for t in T)).encode(), "in us"),
     ],
@@ -53,6 +58,18 @@ def test_what_is_no_log_is_refused_with_the_remedy(tmp_path, content, remedy):
     path.write_bytes(content)
     with pytest.raises(InputError, match=remedy):
         read_log(path, ROBOT)
+
+
+def test_a_layout_says_that_its_angles_are_degrees(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text(
+        "IPOC," + ",".join(f"AIPos.A{k},V{k}" for k in range(1, 7)) + "\n"
+        + "".join(f"{1000 * t:.0f}" + f",{60 * np.sin(t):.5f},{60 * np.cos(t):.5f}" * 6 + "\n" for t in T)
+    )  # fmt: skip
+    layout = LogColumns(format="csv", time="IPOC", time_unit_s=0.001, q="AIPos.A{1}", qd="V{1}", angles="deg")
+    log = read_log(path, ROBOT.model_copy(update={"log": [layout]}))
+    np.testing.assert_allclose(log.q[:, 3], np.radians(60 * np.sin(T)), atol=1e-6)
+    np.testing.assert_allclose(log.qd[:, 3], np.radians(60 * np.cos(T)), atol=1e-6)
 
 
 def test_axes_that_the_robot_does_not_have_are_said(tmp_path):

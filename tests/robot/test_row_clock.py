@@ -4,6 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
 from acqd.dataset.log_check import check_log
 from acqd.errors import InputError
@@ -174,6 +175,16 @@ def test_rows_out_of_order_are_sorted(real):
     mixed = np.random.default_rng(5).permutation(len(t))
     log = log_with(t[mixed], q[mixed])
     assert len(log.time) == len(t)
+
+
+@pytest.mark.parametrize("late_s", [0.03, 0.05])
+def test_single_stamps_beyond_the_next_ones_are_no_second_recording(real, late_s):
+    curve, t = CubicSpline(*real), np.arange(0.0, 20.0, 0.01)
+    stamps = t.copy()
+    stamps[500::200] += late_s
+    log = log_with(stamps, curve(t))
+    wrong = (np.abs(log.q - curve(log.time)) > 1e-3).any(axis=1)
+    assert wrong.sum() <= len(stamps[500::200]) / 4  # where the arm turns, a pose has no age
 
 
 def test_speeds_in_degrees_and_temperatures_in_kelvin_are_left_out_with_the_reason(real):

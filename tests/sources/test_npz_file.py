@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -41,6 +43,21 @@ def test_broken_npz_is_named(tmp_path, case):
     with pytest.raises(InputError, match=complaint) as caught:
         load_waveform(tmp_path / "a.npz")
     assert str(tmp_path / "a.npz") in str(caught.value) and "\n" not in str(caught.value)
+
+
+UNFIT = {
+    "objects": ({"u1": np.array([{}], dtype=object)}, "holds Python objects (dtype object), which are not read"),
+    "complex": ({"u1": np.ones(400, complex), "i1": np.ones(400)}, "; u1 holds complex numbers, expected real ones"),
+    "lengths": ({"u1": np.ones(400), "i1": np.ones(90)}, "other lengths or rates than u1 have i1: left out"),
+}
+
+
+@pytest.mark.parametrize("case", UNFIT)
+def test_a_refusal_says_why_an_array_is_missing(tmp_path, case):
+    arrays, complaint = UNFIT[case]
+    np.savez(tmp_path / "a.npz", fs=20_000, **arrays)
+    with pytest.raises(InputError, match=re.escape(complaint)):
+        load_waveform(tmp_path / "a.npz")
 
 
 def test_arrays_of_other_names_are_channels_by_their_names(tmp_path):

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import os
 import shutil
+import sqlite3
 import subprocess
 import sys
 
@@ -94,6 +96,24 @@ def test_a_command_makes_no_tables_in_an_empty_replica(postgres):
         assert not sa.inspect(connection).get_table_names()
     open_database(postgres)
     assert open_database(postgres, create=False)
+
+
+@pytest.mark.parametrize("table", ["cars", "power"])
+def test_a_command_leaves_the_file_of_another_program_as_it_is(tmp_path, table):
+    path = tmp_path / "other.sqlite"
+    with contextlib.closing(sqlite3.connect(path)) as connection:
+        connection.execute(f"CREATE TABLE {table} (a)")
+    before = path.read_bytes()
+    with pytest.raises(UserError, match="has no tables of acqd"):
+        open_database(str(path), create=False)
+    assert path.read_bytes() == before and list(tmp_path.iterdir()) == [path]
+
+
+def test_a_sink_names_the_table_of_another_program(tmp_path):
+    with contextlib.closing(sqlite3.connect(tmp_path / "other.sqlite")) as connection:
+        connection.execute("CREATE TABLE power (a)")
+    with pytest.raises(UserError, match="power already exists; is it another program's database"):
+        open_database(str(tmp_path / "other.sqlite"))
 
 
 def test_a_commit_of_the_sink_is_on_the_disk_before_it_returns(tmp_path):

@@ -8,6 +8,7 @@ import shutil
 import signal
 import subprocess
 
+import aiomqtt
 import pytest
 
 from acqd.daemon.publish import Publisher
@@ -71,6 +72,23 @@ def test_status_is_retained_and_the_last_will_says_offline(mosquitto):
         seen.clear()
         await collect(mosquitto.port, "acqd/t/status", 1, seen)
         assert seen == [("acqd/t/status", b"offline", True)]
+
+    finish(scenario())
+
+
+def test_connections_that_end_within_seconds_are_said_until_one_lasts(mosquitto, monkeypatch):
+    monkeypatch.setattr("acqd.telemetry.connector._SHORT_S", 2.0)
+
+    async def scenario():
+        speaker = connector(BrokerAddress(port=mosquitto.port), delivery())
+        running = asyncio.create_task(speaker.run())
+        for _ in range(3):
+            await until(lambda: speaker.state == "connected", "the connection")
+            async with aiomqtt.Client("127.0.0.1", mosquitto.port, identifier="acqd-t"):  # takes the name
+                await until(lambda: speaker.state == "connecting", "its end")
+        assert "connections end within seconds" in speaker.trouble
+        await until(lambda: speaker.state == "connected" and not speaker.trouble, "a connection that lasts")
+        await stop(running)
 
     finish(scenario())
 

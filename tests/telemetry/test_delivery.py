@@ -25,9 +25,9 @@ SINK = sink_status("s")
 class Bench:
     """A delivery with a clock that stands still until it is moved."""
 
-    def __init__(self, until="stored", **options):
+    def __init__(self, until="stored", spool=None, **options):
         self.now = 100.0
-        self.box = Delivery(Spool(None), until, ["t"], lambda: self.now, **options)
+        self.box = Delivery(spool or Spool(None), until, ["t"], lambda: self.now, **options)
         self.made = 0
 
     def make(self, count=1):
@@ -206,6 +206,32 @@ def test_how_long_no_sink_is_known_counts_while_the_broker_is_there():
     assert bench.box.alone_s == 7
     bench.box.end()
     assert not bench.box.alone_s
+
+
+@pytest.mark.parametrize(
+    ("said", "retained", "waiting"),
+    [
+        (b'{"recall":true}', False, 5),  # of an earlier version
+        (b'{"recall":true}', True, 0),
+        (b'{"recall":true,"recalled":"a/1"}', False, 5),
+        (b'{"recall":true,"recalled":"a/1"}', True, 5),  # the daemon was away then
+        (b'{"recalled":"a/1"}', True, 5),
+        (b'{"recalled":1}', True, 0),
+        (b"{}", False, 0),
+    ],
+)
+def test_a_sink_whose_database_lacks_rows_gets_them_again_once(said, retained, waiting, tmp_path):
+    bench = Bench(spool=Spool(tmp_path))
+    bench.make(5)
+    bench.take_all()
+    bench.receipt(0, 4)
+    bench.sink(said, retained)
+    assert len(bench.box) == waiting
+    bench.receipt(0, 4)
+    bench.sink(said, retained=True)  # a later connection
+    assert len(bench.box) == 0
+    bench.sink(b'{"recall":true,"recalled":"a/2"}')
+    assert len(bench.box) == 5
 
 
 def test_a_new_connection_and_a_new_sink_get_everything_that_waits():

@@ -36,3 +36,14 @@ def test_figures_count_proposals():
     assert (figures["programs"], figures["proposals"], figures["within_interval"]) == (2, 2, 1)
     assert (figures["said_to_save"], figures["of_these_worse"], figures["limits_violated"]) == (2, 1, 1)
     assert figures["median_saving"]["equal, best"] == pytest.approx(0.0075)
+
+
+def test_proposals_of_one_plant_count_as_alike_and_make_the_coverage_less_sure():
+    line = {
+        "program": 0, "block": "equal", "name": "speeds", "before_J": 9.0, "predicted_J": 2.0, "half_J": 1.0,
+        "verdict": "saves", "violations": [],
+    }  # fmt: skip
+    errors = {"a": (0.2, 0.3, 0.25), "b": (-0.4, -0.5, -0.45), "c": (1.4, 1.2, 1.3)}
+    figures = summary([line | {"plant": p, "measured_J": 2.0 + e} for p, some in errors.items() for e in some])
+    assert figures["coverage"] == pytest.approx(2 / 3) and figures["one_plant_correlation"] > 0.9
+    assert figures["coverage_error"] == pytest.approx(1 / 3)  # of three plants one, not of nine proposals

@@ -35,6 +35,7 @@ def marked(
     from acqd.cli.energy.period import ranges
     from acqd.energy.marks import KINDS, read_marks
     from acqd.energy.periods import zone_of
+    from acqd.energy.read import devices
     from acqd.energy.tariff import load_tariff
     from acqd.storage.database import read_database
 
@@ -43,12 +44,13 @@ def marked(
     tariff = None if rules[0] is None else load_tariff(rules[0], rules[1])
     zone = zone_of(rules[1]) if rules[1] or tariff is None or tariff.zone is None else tariff.zone
     marks = read_marks(path, by)
+    engine = read_database(database)
+    wanted = wanted or (devices(engine) if "" in marks else [])
     if "" in marks and len(wanted) != 1:
         raise UserError(f"{path}: has no column device; say which one with --device")
     if lacking := [name for name in wanted if "" not in marks and name not in marks]:
         raise UserError(f"--device {lacking[0]!r}: {path} has lines of {', '.join(sorted(marks))}")
     chosen, _ = ranges(*span, zone)
-    engine = read_database(database)
     of_device = {name: marks.get(name) or marks[""] for name in wanted or sorted(marks)}
     found, without_rows = _by_device(engine, of_device, chosen, tariff, all_needed=bool(wanted) or len(marks) == 1)
     if table is not None:
@@ -59,8 +61,8 @@ def marked(
         mark_page(found, by, chosen, zone, without_rows).write(page)
     if json:
         files = {"csv": table and str(table), "html": page and str(page)}
-        devices = [_json(one) for one in found]
-        print(orjson.dumps({"by": by, "devices": devices, "without_rows": without_rows, **files}).decode())
+        listed = [_json(one) for one in found]
+        print(orjson.dumps({"by": by, "devices": listed, "without_rows": without_rows, **files}).decode())
         return
     for one in found:
         _print(one, by)

@@ -127,7 +127,8 @@ RUNBOOK = (
     _entry(
         "receipts",
         "`no receipt for ... s although a sink is online`, `rows refused: ...`",
-        "the broker's access rules: may the daemon write `acqd/DEVICE/#`, and the sink read it and write receipts?",
+        "`acqd status` of the sink: is its database away? Else the broker's access rules: may the daemon write "
+        "`acqd/DEVICE/#`, and the sink read it and write receipts? Its limits: `message_size_limit`",
         r"^(no receipt|rows refused)",
     ),
     _entry(

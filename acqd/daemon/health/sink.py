@@ -11,6 +11,7 @@ from acqd import __version__
 from acqd.daemon.health.section import HealthSection
 from acqd.daemon.health.service import ServiceHealth
 from acqd.daemon.health.snapshot import Link, Snapshot
+from acqd.telemetry import certificates
 
 if TYPE_CHECKING:
     from acqd.storage.sink import Sink
@@ -28,10 +29,10 @@ class SinkHealth(ServiceHealth):
         sink: Sink,
         name: str,
         upkeep: Upkeep | None = None,
-        certificates: Sequence[Path | None] = (),
+        own_certificates: Sequence[Path | None] = (),
     ) -> None:
         self._sink, self._name, self._upkeep = sink, name, upkeep
-        super().__init__(section.host, section.sink_port, None, certificates)
+        super().__init__(section.host, section.sink_port, None, own_certificates)
 
     def alive(self) -> bool:
         """Whether the loop turns: broker and database may be away, and rows may not come."""
@@ -62,6 +63,11 @@ class SinkHealth(ServiceHealth):
             recalls=counters.recalls,
             acknowledged=self.acknowledged,
             certificate_trouble=self.certificate_trouble,
-            broker=Link(sink.connected, max(counters.reconnects, 0), counters.broker_trouble),
+            broker=Link(
+                sink.connected,
+                max(counters.reconnects, 0),
+                counters.broker_trouble,
+                certificate_trouble=certificates.near_end("of the broker", counters.certificate_ends),
+            ),
             database=Link(not trouble, counters.database_returns, trouble),
         )

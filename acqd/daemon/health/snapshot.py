@@ -17,6 +17,8 @@ class Link:
     """Times it was made again since the start."""
     trouble: str = ""
     """Why it is down, or what is wrong with it; one line."""
+    certificate_trouble: str = field(default="", kw_only=True)
+    """That the certificate of the other side ends soon, else empty."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -61,7 +61,8 @@ def verdict(snapshot: Snapshot) -> Verdict:
     if snapshot.synchronised is False:
         notes.append("the clock is not synchronised: rows are flagged; enable chrony or systemd-timesyncd")
     problems += _sink_problems(snapshot)
-    problems += [snapshot.certificate_trouble] if snapshot.certificate_trouble else []
+    shown = snapshot.broker.certificate_trouble if snapshot.broker is not None else ""
+    problems += [text for text in (snapshot.certificate_trouble, shown) if text]
     late = f", {snapshot.impossible} of them rows whose time cannot be true: is a device's clock wrong?"
     waiting = _of(snapshot.quarantined or 0, "message is", "messages are")
     waiting += f" in quarantine{late if snapshot.impossible else ''}"
@@ -160,7 +161,8 @@ def _delivery_problems(delivery: Delivery) -> list[str]:
         problems.append(f"rows refused: {delivery.rights_trouble}")
     elif delivery.unreceipted_s > UNRECEIPTED_S:
         problems.append(
-            f"no receipt for {delivery.unreceipted_s:.0f} s although a sink is online: does the broker refuse the rows?"
+            f"no receipt for {delivery.unreceipted_s:.0f} s although a sink is online: is its database away, or "
+            "does the broker refuse the rows?"
         )
     elif delivery.receipt_lag_s > LAG_S:
         problems.append(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,15 +44,18 @@ class UsualError:
         prior that counts as a few recordings; by their median now, since one protective stop is no growth. True
         without a reference, where nothing can be said.
         """
-        if not self.reference:
-            return True
-        before, now = np.log(self.reference), np.log(by_recording(segments, errors))
-        weight = THRESHOLDS.few_sessions
-        squares = float(((before - before.mean()) ** 2).sum())
-        freedom = weight + len(before) - 1
-        variance = (weight * THRESHOLDS.usual_growth**2 + squares) / freedom
-        error = float(np.sqrt(variance * (1 / len(before) + 1 / len(now))))
-        return bool(float(np.median(now)) - before.mean() > error * float(student.isf(THRESHOLDS.chance, freedom)))
+        return not self.reference or grown(self.reference, by_recording(segments, errors))
+
+
+def grown(before_W: Sequence[float], now_W: Sequence[float]) -> bool:
+    """Whether errors, RMS of recordings, are larger than other unchanged ones would be: see `exceeded_by`."""
+    before, now = np.log(before_W), np.log(now_W)
+    weight = THRESHOLDS.few_sessions
+    squares = float(((before - before.mean()) ** 2).sum())
+    freedom = weight + len(before) - 1
+    variance = (weight * THRESHOLDS.usual_growth**2 + squares) / freedom
+    error = float(np.sqrt(variance * (1 / len(before) + 1 / len(now))))
+    return bool(float(np.median(now)) - before.mean() > error * float(student.isf(THRESHOLDS.chance, freedom)))
 
 
 def by_recording(segments: list[Segment], errors: list[Floats]) -> list[float]:

@@ -84,7 +84,8 @@ def chosen(recording: Recording, roles: list[Role]) -> Selection:
             return found
     lacking = recording.advice and {role.quantity for role in roles} < {"u", "i", ""}
     advice = f"; {recording.advice}" if lacking else ""
-    raise InputError(recording.path, _ambiguity(recording, roles) + advice)
+    notes = "; ".join(("", *recording.notes[:_SHOWN]))  # what was left out may be what is missing
+    raise InputError(recording.path, _ambiguity(recording, roles) + advice + notes)
 
 
 _Grouping = Callable[[Recording, int, Role], str]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 import time
+from datetime import UTC, datetime, timedelta
 from types import SimpleNamespace
 
 import pytest
@@ -67,6 +68,15 @@ def test_a_sink_whose_database_is_away_is_alive_and_not_ready(clock):
     assert not health.alive()
     health.turned()
     assert health.alive()
+
+
+def test_the_certificate_that_the_broker_has_shown_is_a_problem_before_it_ends(clock):
+    soon = datetime.now(UTC) + timedelta(days=5.1)
+    sink = SimpleNamespace(connected=True, counters=SinkCounters(certificate_ends=soon))
+    expected = [f"certificate of the broker ends in 5 days, on {soon:%Y-%m-%d}"]
+    assert verdict(SinkHealth(OFF, sink, "s1").snapshot()).problems == expected
+    sink.counters.certificate_ends = soon + timedelta(days=300)
+    assert verdict(SinkHealth(OFF, sink, "s1").snapshot()).ready
 
 
 def test_systemd_hears_of_the_real_daemon(tmp_path, monkeypatch):

@@ -22,6 +22,13 @@ _WINDOW_NS = 40_000_000
 _FIRST_ROW_S = 60.0
 _BURST_DEVICES, _BURST_WINDOWS = 10, 75
 """Ten times the daemon's rate, for 3 s."""
+_GARBAGE = (b"garbage", b"{}", b"[]", b"null", b'{"state":1}', b'{"state":"online","sink":5}', b"\xff\xfe", b"1")
+_GARBAGE_TOPICS = (
+    *(f"acqd/{DEVICE}/{name}" for name in ("receipt", "ask", "answer", "registers", "event", "windows")),
+    *(f"acqd/{DEVICE}/{name}" for name in ("L1/power", "total/power", "L1/summary", "L1/quality")),
+    *(f"acqd/sink/{name}" for name in ("faults/answer", "x/status")),
+)
+"""Not the status topics of both services, which they write themselves."""
 _HOSTILE: list[dict[str, Any]] = [
     {"seq": 2**63}, {"seq": -1}, {"seq": 1.5}, {"seq": True}, {"boot": "b\0"}, {"boot": ""}, {"boot": "x" * 5000},
     {"filetime": 9 * 10**18}, {"filetime": -1}, {"time": "+30000-01-01T00:00:00Z"}, {"time": "9999-12-31T23:59:60Z"},
@@ -137,6 +144,17 @@ def _text(row: dict[str, Any]) -> bytes:
     return json.dumps(row).encode()
 
 
+def retained(bed: Bed, chance: random.Random) -> None:
+    """The broker keeps garbage on topics of acqd, and both services start again with that before their eyes."""
+    garbage = [(topic, chance.choice(_GARBAGE)) for topic in _GARBAGE_TOPICS]
+    publish(bed.port, garbage, retain=True)
+    for process in (bed.sink, bed.daemon):
+        process.stop()
+        process.start()
+    time.sleep(chance.uniform(2.0, 4.0))
+    publish(bed.port, [(topic, b"") for topic in _GARBAGE_TOPICS], retain=True)
+
+
 FAULTS: dict[str, Fault] = {
     "malformed messages": garbage,
     "oversized messages": oversized,
@@ -144,6 +162,7 @@ FAULTS: dict[str, Fault] = {
     "hostile rows": hostile,
     "forged rows": forged,
     "forged receipts": receipts,
+    "retained garbage": retained,
     "idle clients": idle,
     "10 x load": burst,
 }

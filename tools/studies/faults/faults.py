@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 
-from tools.studies.faults import by_strangers, on_postgres
+from tools.studies.faults import by_strangers, on_hosts, on_postgres
 from tools.studies.faults.bed import Extras, Kind
 from tools.studies.faults.fault import Fault, Pick
 from tools.studies.faults.on_clocks import days_ahead, days_behind, maintained, sink_behind, stepped
@@ -25,6 +25,7 @@ from tools.studies.faults.on_storage import (
     database_moved,
     database_put_back,
     database_put_back_at_rest,
+    database_put_back_unseen,
     disk_errors,
     foreign_file,
     lock,
@@ -62,6 +63,7 @@ ALL: dict[str, Fault] = (
         "maintenance with a wrong clock": maintained,
         "database put back": database_put_back,
         "database put back at rest": database_put_back_at_rest,
+        "database put back unseen": database_put_back_unseen,
         "table refuses rows": table_refuses,
         "spool unreadable": spool_unreadable,
         "spool deleted": spool_deleted,
@@ -70,6 +72,7 @@ ALL: dict[str, Fault] = (
         "sink's disk answers errors": disk_errors("sink"),
     }
     | by_strangers.FAULTS
+    | on_hosts.FAULTS
     | on_postgres.FAULTS
 )
 for _name, _pick in _PROCESSES.items():
@@ -93,14 +96,19 @@ _NEEDS = {
     "refusals": ("daemon's disk answers errors", "sink's disk answers errors"),
 }  # fmt: skip
 
-_FILES = {"sink's disk answers errors", "database moved away", "database put back", "database put back at rest"}
+_FILES = {
+    "sink's disk answers errors", "database moved away", "database put back", "database put back at rest",
+    "database put back unseen",
+}  # fmt: skip
 """Faults of a database that is a file."""
 
 
 def possible(kind: Kind, extras: Extras) -> list[str]:
     """The faults that a bed can have."""
     without = {name for need, names in _NEEDS.items() if not getattr(extras, need) for name in names}
-    without |= set() if kind.database == "postgres" else {"database crashed", *on_postgres.FAULTS}
+    if kind.database != "postgres":
+        without |= {"database crashed", *(name for name in ALL if name.startswith("PostgreSQL"))}
+    without |= set() if kind.broker.startswith("mosquitto") else {"broker set to small packets"}
     without |= set() if kind.database == "sqlite" else _FILES
     without |= set() if extras.sidecar else {name for name in ALL if name.startswith("sidecar")}
     return [name for name in ALL if name not in without]

@@ -6,8 +6,8 @@ import errno
 import re
 import shutil
 import signal
+import subprocess
 import time
-from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +19,16 @@ from paho.mqtt.enums import CallbackAPIVersion
 
 from acqd.daemon.health.query import Service, ask
 from tools.studies.faults.bed import DEVICE, Bed, Extras, Kind
+from tools.studies.faults.fault import Begin
+from tools.studies.faults.on_hosts import (
+    SMALL_MESSAGES,
+    SMALL_PACKETS,
+    broker_set_to,
+    database_renamed,
+    password_wanted,
+    read_only,
+    schema_renamed,
+)
 from tools.studies.faults.on_postgres import DISCONNECT, as_administrator, use_up_log
 from tools.studies.faults.process import Process
 from tools.studies.faults.servers import ACQD, ROLE
@@ -27,8 +37,6 @@ WITHIN_S = 10.0
 _PATIENCE_S = 20.0
 _READY_S = 30.0
 _IDLE = 500
-Begin = Callable[[Bed, ExitStack], None]
-"""Begins the fault; what the stack calls at its end takes the fault away."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +52,8 @@ class Case:
     database: str = "sqlite"
     need: str = ""
     """Of the bed: clock, disks or refusals."""
+    tls: bool = False
+    """The broker is reached by TLS."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +76,8 @@ def measure(case: Case, folder: Path) -> Named:
     extras = Extras(clock=case.need == "clock", disks=case.need == "disks", refusals=case.need == "refusals")
     bed = Bed(Kind("mosquitto", case.database), folder, extras)
     _configure(bed, case.until)
+    if case.tls:
+        _encrypt(bed)
     with ExitStack() as stack:
         stack.callback(bed.stop)
         bed.start()
@@ -89,6 +101,32 @@ def _configure(bed: Bed, until: str) -> None:
     rules.chmod(0o644)
     with (bed.folder / "mosquitto.conf").open("a") as file:
         file.write(f"acl_file {rules}\n")
+
+
+def _encrypt(bed: Bed) -> None:
+    """Certificates for the broker, and a CA for daemon and sink."""
+    folder = _certificates(bed, "certificates")
+    path = bed.folder / "mosquitto.conf"
+    files = f"cafile {folder}/ca.pem\ncertfile {folder}/broker.pem\nkeyfile {folder}/broker.key\n"
+    path.write_text(re.sub(r"^(listener .*\n)", lambda found: found[1] + files, path.read_text(), flags=re.MULTILINE))
+    for name in ("daemon", "sink"):
+        config = bed.folder / f"{name}.toml"
+        config.write_text(config.read_text().replace("[mqtt]\n", f'[mqtt]\nca_file = "{folder}/ca.pem"\n'))
+
+
+def _certificates(bed: Bed, name: str) -> Path:
+    script = Path(__file__).parents[3] / "config" / "make-certificates.sh"
+    subprocess.run(["sh", str(script), str(bed.folder / name), "127.0.0.1"], check=True, capture_output=True)
+    return bed.folder / name
+
+
+def _other_ca(bed: Bed, _fault: ExitStack) -> None:
+    """The broker gets a certificate of another CA, which has the same name."""
+    new = _certificates(bed, "new")
+    for name in ("broker.pem", "broker.key"):
+        shutil.copy(new / name, bed.folder / "certificates" / name)
+    bed.broker.stop()
+    bed.broker.start()
 
 
 def _wait_until_ready(bed: Bed) -> None:
@@ -315,5 +353,21 @@ CASES = (
     Case(
         "disk of the server's log full", _log_disk_full, "sink", "^database away: ", database="postgres", need="disks",
     ),
+    Case(
+        "database renamed", database_renamed, "sink", "^database away: .*does not exist", database="postgres",
+    ),
+    Case("schema renamed", schema_renamed, "sink", "^database away: .*its tables are gone", database="postgres"),
+    Case("role wants a password", password_wanted, "sink", "^database away: .*password", database="postgres"),
+    Case("disk of the database read-only", read_only("database"), "sink", "^database away: ", need="disks"),
+    Case("disk of the spool read-only", read_only("state"), "daemon", "^spool: Read-only file system", need="disks"),
+    Case(
+        "broker takes small packets only", broker_set_to(SMALL_PACKETS), "daemon",
+        "^(broker away|name taken): .*max_packet_size",
+    ),
+    Case(
+        "broker takes small messages only", broker_set_to(SMALL_MESSAGES), "daemon",
+        "^rows refused: .*message_size_limit",
+    ),
+    Case("broker's certificate of another CA", _other_ca, "daemon", "^broker away: .*certificate", tls=True),
     Case("broker silent", _broker_silent, "daemon", "broker away"),
 )  # fmt: skip

@@ -14,8 +14,9 @@ from pathlib import Path
 
 import sqlalchemy as sa
 
-from tools.studies.faults.bed import Bed
+from tools.studies.faults.bed import DEVICE, Bed
 from tools.studies.faults.fault import RESTART_S, Fault, pause
+from tools.studies.faults.messages import publish
 from tools.studies.faults.on_processes import kill
 
 _WAITS_S = 30.0
@@ -140,6 +141,18 @@ def database_put_back(bed: Bed, chance: random.Random) -> None:
 def database_put_back_at_rest(bed: Bed, chance: random.Random) -> None:
     """The same while the sink is stopped: it has to see at its start that rows with a receipt are missing."""
     _put_back(bed, chance, stopped=True)
+
+
+def database_put_back_unseen(bed: Bed, chance: random.Random) -> None:
+    """The same while the daemon has no connection: the sink asks for rows, and the daemon cannot hear that."""
+    proxy = bed.proxies["daemon"]
+    time.sleep(1.0)  # rows whose receipt is on its way
+    proxy.mode = "refuse"
+    proxy.reset()
+    _put_back(bed, chance, stopped=False)
+    publish(bed.port, [(f"acqd/{DEVICE}/L1/power", b"{")])  # somebody else's message makes the sink look
+    pause(chance, 1.0, 3.0)
+    proxy.mode = "pass"
 
 
 def _put_back(bed: Bed, chance: random.Random, *, stopped: bool) -> None:

@@ -84,10 +84,21 @@ class Process:
                     return pid
         return None
 
-    def _children(self) -> list[int]:
+    def family(self) -> list[int]:
+        """Pids of the process, its children and theirs."""
         if self.running is None or self.running.poll() is not None:
             return []
-        pid = self.running.pid
-        with suppress(OSError):
-            return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
-        return []
+        family = [self.running.pid]
+        for pid in family:
+            family += _children_of(pid)
+        return family
+
+    def _children(self) -> list[int]:
+        alive = self.running is not None and self.running.poll() is None
+        return _children_of(self.running.pid) if alive and self.running is not None else []
+
+
+def _children_of(pid: int) -> list[int]:
+    with suppress(OSError):
+        return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+    return []

@@ -111,9 +111,11 @@ def summary(lines: list[dict[str, Any]]) -> dict[str, Any]:
         return float(np.median(of)) if of else float("nan")
 
     best = [each for each in lines if each["name"] == "best together"]
+    plants = [each["plant"] for each in known]
     return {
         "programs": len({(each["plant"], each["program"]) for each in lines}),
         "proposals": len(known), "within_interval": sum(within), "coverage": float(np.mean(within)) if known else None,
+        "coverage_error": _jackknife(np.array(within), plants), "one_plant_correlation": _alike(known, plants),
         "said_to_save": sum(each["verdict"] == "saves" for each in known), "of_these_worse": len(worse),
         "unprovable": sum(each["verdict"] == "unprovable" for each in known),
         "best_within_interval": sum(abs(each["measured_J"] - each["predicted_J"]) <= each["half_J"] for each in best),
@@ -125,6 +127,29 @@ def summary(lines: list[dict[str, Any]]) -> dict[str, Any]:
             "longer, plain uniform slowing": median("longer", "plain uniform slowing", "measured_J"),
         },
     }  # fmt: skip
+
+
+def _jackknife(within: np.ndarray, plants: list[str]) -> float | None:
+    """Standard error of the share of `within`, by leaving out one plant at a time: its errors go the same way."""
+    names = sorted(set(plants))
+    if len(names) < 2:
+        return None
+    without = [float(within[[each != name for each in plants]].mean()) for name in names]
+    return float(np.sqrt((len(names) - 1) * np.var(without)))
+
+
+def _alike(known: list[dict[str, Any]], plants: list[str]) -> float | None:
+    """Intraclass correlation of the errors, in half intervals, of proposals on one plant (Fisher 1925)."""
+    errors: dict[str, list[float]] = {}
+    for each, plant in zip(known, plants, strict=True):
+        errors.setdefault(plant, []).append((each["measured_J"] - each["predicted_J"]) / each["half_J"])
+    groups = [np.array(some) for some in errors.values() if len(some) > 1]
+    if len(groups) < 2:
+        return None
+    size = float(np.mean([len(some) for some in groups]))
+    inside = float(np.mean([some.var(ddof=1) for some in groups]))
+    between = float(np.var([some.mean() for some in groups], ddof=1)) - inside / size
+    return between / (between + inside)
 
 
 def main() -> None:
