@@ -93,5 +93,8 @@ def _on_one_clock(pairs: list[tuple[Regressors, PowerStream]]) -> tuple[list[Reg
         last_s = max(moved[-1][0].t[-1], float(time_ns[-1]) * 1e-9 if len(time_ns) else -np.inf)
         end_s = last_s + 2 * WIDER_S + 2 * SEARCH_S
     parts = [power for _, power in moved]
-    joined = {name: np.concatenate([getattr(each, name) for each in parts]) for name in ("time_ns", "P", "Vrms")}
-    return [regressors for regressors, _ in moved], replace(parts[0], **joined)
+    joined = replace(
+        parts[0], time_ns=np.concatenate([each.time_ns for each in parts]), P=np.concatenate([each.P for each in parts]),
+        Vrms=np.concatenate([each.Vrms for each in parts]),
+    )  # fmt: skip
+    return [regressors for regressors, _ in moved], joined
