@@ -94,7 +94,7 @@ def _on_one_clock(pairs: list[tuple[Regressors, PowerStream]]) -> tuple[list[Reg
         end_s = last_s + 2 * WIDER_S + 2 * SEARCH_S
     parts = [power for _, power in moved]
     joined = replace(
-        parts[0], time_ns=np.concatenate([each.time_ns for each in parts]), P=np.concatenate([each.P for each in parts]),
-        Vrms=np.concatenate([each.Vrms for each in parts]),
+        parts[0], time_ns=np.concatenate([each.time_ns for each in parts]),
+        P=np.concatenate([each.P for each in parts]), Vrms=np.concatenate([each.Vrms for each in parts]),
     )  # fmt: skip
     return [regressors for regressors, _ in moved], joined
