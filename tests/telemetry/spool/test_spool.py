@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import math
 import shutil
 import signal
@@ -122,6 +123,25 @@ def test_delivered_rows_are_kept_for_a_while_and_wait_again_when_they_are_recall
     again.append(window(4_000, 25_000))
     again.append(window(4_001, 25_000))
     assert not list(tmp_path.glob("*.kept"))
+
+
+@pytest.mark.parametrize("keep_s", [0.0, 1e-9])
+def test_a_delivered_segment_that_the_disk_does_not_let_go_is_deleted_later(tmp_path, keep_s, monkeypatch, caplog):
+    spool = Spool(tmp_path, Limits(max_bytes=400_000, keep_s=keep_s))
+    monkeypatch.setattr("acqd.telemetry.spool.kept._RETRY_S", 0.0)
+    with mock.patch.object(Path, "unlink", side_effect=OSError(errno.EPERM, "Operation not permitted")):
+        for k in range(300):
+            spool.append(window(k))
+            for stream in STREAMS:
+                spool.remove(stream, k, k)
+        left = set(tmp_path.glob("0*"))
+        assert len(left) > 1 and caplog.text.count("cannot be deleted: Operation not permitted") == len(left) - 1
+    for k in range(300, 600):
+        spool.append(window(k))
+        for stream in STREAMS:
+            spool.remove(stream, k, k)
+    assert not left & set(tmp_path.glob("0*"))
+    spool.close()
 
 
 def test_registers_belong_to_devices_and_those_of_an_older_spool_to_the_only_one(tmp_path):
