@@ -9,6 +9,7 @@ from __future__ import annotations
 import logging
 import os
 import sqlite3
+import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import Any
@@ -34,6 +35,7 @@ class Guard:
         """`memory`: what earlier starts of the sink know."""
         self._memory = memory or DatabaseWitness(None, client_id)
         self._engine, self._key, self._witness = engine, state.commits(client_id), witness
+        self._recalled_key = state.recalled(client_id)
         self._identity: str | None = None
         self._number = 0
         self._path = file_of(engine)
@@ -41,6 +43,9 @@ class Guard:
         """Times the database was found in an earlier state."""
         self.recall = 0
         """Times that the database may lack rows that daemons still have: they are to be sent again."""
+        self.recalled = ""
+        """Name of the last such event, also of an earlier start: daemons may have been away since. Empty: none."""
+        self._unwritten = False
 
     def open(self) -> None:
         """Read at the start what the database remembers, before the first row is judged. Raises as `transaction`."""
@@ -59,8 +64,10 @@ class Guard:
             self._check_connection(connection)
             number = self._check_state(connection) + 1
             state.write_mark(connection, self._key, self._witness.mark(number))
+            if self._unwritten:
+                state.write(connection, self._recalled_key, self.recalled)
             yield connection
-        self._number = number
+        self._number, self._unwritten = number, False
         if self._identity is not None:
             self._memory.committed(self._identity, number)
 
@@ -108,6 +115,11 @@ class Guard:
             raise self._away(error.strerror or str(error)) from None
         return found.st_dev, found.st_ino
 
+    def _ask_again(self) -> None:
+        """Rows are missing that daemons still have. The name goes into the database with the next commit."""
+        self.recalled, self._unwritten = uuid.uuid4().hex, True
+        self.recall += 1
+
     def _check_state(self, connection: sa.Connection) -> int:
         """Number of the last commit of this sink in the database."""
         try:
@@ -123,8 +135,9 @@ class Guard:
         if self._identity is None:
             self._identity = identity
             self._number = max(mark.number if mark is not None else 0, self._memory.number(str(identity)))
+            self.recalled = state.read(connection, self._recalled_key) or ""
             if not self._number and not state.has_commits(connection):  # new, or what a server has failed over to
-                self.recall += 1
+                self._ask_again()
             self._witness.remember(mark)
             self._witness.look()
         elif identity != self._identity:
@@ -132,7 +145,7 @@ class Guard:
         number = mark.number if mark is not None else 0
         if number < self._number:
             self.restored += 1
-            self.recall += 1
+            self._ask_again()
             _log.error(
                 "database %s is in an earlier state (commit %d, was %d): restored? Daemons send again what they have",
                 shown(self._engine.url), number, self._number,

@@ -12,7 +12,7 @@ from acqd.storage.away import left_out
 from acqd.storage.schema import database_state
 from acqd.uptime import Moment
 
-_COMMITS = "commits/"
+_COMMITS, _RECALLED = "commits/", "recalled/"
 _MOST = 2**62
 """Of numbers and nanoseconds: what somebody else has written there is not counted on."""
 IDENTITY, MAINTAINED = "identity", "maintained"
@@ -34,6 +34,11 @@ _WRITE = {
 def commits(client_id: str) -> str:
     """Key of the commits of one sink: several sinks of a group do not wait for one another."""
     return f"{_COMMITS}{client_id}"
+
+
+def recalled(client_id: str) -> str:
+    """Key of the name of the last event by which one sink's database lacked rows."""
+    return f"{_RECALLED}{client_id}"
 
 
 def has_commits(connection: sa.Connection) -> bool:

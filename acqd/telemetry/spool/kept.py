@@ -1,7 +1,7 @@
 """Segments whose rows are delivered, kept for a while: a sink whose database is put back wants them again (ADR 29).
 
-Then they are deleted. Where the disk does not let them go, that is tried again: their rows would be sent once more after
-the next start, and their bytes would stay.
+Then they are deleted. Where the disk does not let them go, that is tried again: their rows would be sent once more
+after the next start, and their bytes would stay.
 """
 
 from __future__ import annotations
