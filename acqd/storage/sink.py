@@ -158,7 +158,7 @@ class Sink:
         try:
             subscriber.connect()
             self._subscriber = subscriber
-            self.counters.certificate_ends = subscriber.certificate_ends
+            self.counters.certificate = subscriber.certificate
             self.counters.reconnects += 1
             if self._settings.group and self._version == V5:
                 # A session from a time without sharing would get every row.
