@@ -65,15 +65,15 @@ def open_database(url: str, *, create: bool = True) -> sa.Engine:
 
 
 def _check_tables(engine: sa.Engine) -> None:
+    file = file_of(engine)
     try:
-        file = file_of(engine)
         there = _holds_tables(engine) if file is None else _may_be_ours(file)
     except (sa.exc.DBAPIError, sqlite3.Error):
         return  # `prepare` says why
-    if not there:
-        raise UserError(
-            f"database {shown(engine.url)} has no tables of acqd: empty, or another one; a sink makes them at its start"
-        )
+    if there:
+        return
+    why = "empty, or another one; a sink makes them at its start" if file is None else "another program's; name another"
+    raise UserError(f"database {shown(engine.url)} has no tables of acqd: {why}")
 
 
 def _holds_tables(engine: sa.Engine) -> bool:
