@@ -12,7 +12,7 @@ import pytest
 from paho.mqtt.enums import CallbackAPIVersion
 
 from acqd.telemetry.broker import free_port
-from acqd.telemetry.certificates import ends
+from acqd.telemetry.certificates import of_file
 from acqd.telemetry.mqtt import BrokerAddress
 from tests.places import ROOT
 from tests.waiting import wait_for
@@ -101,7 +101,7 @@ def test_only_a_password_and_a_certificate_of_the_plant_open_the_door(plant):
 
 def test_certificates_of_a_plant_end_on_different_days_and_the_brokers_last(plant):
     folder, _ = plant
-    days = [ends(folder / f"{name}.pem").date() for name in (*USERS[::-1], "broker")]
+    days = [of_file(folder / f"{name}.pem").ends.date() for name in (*USERS[::-1], "broker")]
     assert days == sorted(set(days))
 
 

@@ -50,14 +50,11 @@ def reports(
         print(orjson.dumps({"folder": str(folder), "page": str(page), "reports": listed, "others": others}).decode())
         return
     console = terminal(tables=True)
-    if found.pages:
-        table = Table("file", "what", "robot", "says", "written (UTC)")
-        for each in found.pages:
-            name, head = str(each.path.relative_to(folder)), each.head
-            table.add_row(name, what(head), head.subject, said(head), head.written.removesuffix(" UTC"))
-        console.print(table)
-    else:
-        console.print(f"{folder}: no report of acqd")
+    table = Table("file", "what", "robot", "says", "written (UTC)")
+    for each in found.pages:
+        name, head = str(each.path.relative_to(folder)), each.head
+        table.add_row(name, what(head), head.subject, said(head), head.written.removesuffix(" UTC"))
+    console.print(table)
     for path, why in found.others:
         console.print(f"not listed: {path}: {why}")
     console.print(f"page: {page}")

@@ -39,9 +39,7 @@ def broker_checks(config: Config) -> Iterator[Finding]:
     if config.mqtt.certificates:
         why = certificates.trouble(config.mqtt.certificates)
         advice = "make another one (config/make-certificates.sh) and copy it to its place"
-        yield Finding(
-            "certificates", "warn" if why else "ok", why or "valid for a month at least", advice if why else ""
-        )
+        yield Finding("certificates", "warn" if why else "ok", why or "none ends soon", advice if why else "")
     if address.tls and (why := _of_server(address)):
         yield Finding("certificates", "warn", why, "make another one on the broker's computer")
     yield _login(config, address, tls)
@@ -106,10 +104,10 @@ def _of_server(address: BrokerAddress) -> str:
     """What is wrong with the dates of the certificate that the broker shows; it may not answer."""
     try:
         pem = ssl.get_server_certificate((address.host, address.port), timeout=_PATIENCE_S)
-        end = certificates.not_after(ssl.PEM_cert_to_DER_cert(pem))
+        valid = certificates.validity(ssl.PEM_cert_to_DER_cert(pem))
     except (OSError, ValueError):
         return ""
-    return certificates.near_end("of the broker", end)
+    return certificates.near_end("of the broker", valid)
 
 
 def _delay() -> Iterator[Finding]:

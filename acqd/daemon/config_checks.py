@@ -49,23 +49,26 @@ def _places(config: Config) -> Iterator[Finding]:
     named = {
         "state_dir": config.state_dir,
         "archive.folder": config.archive.folder if config.archive.enabled else None,
-        **{
-            f"{name}.{key}": getattr(section, key)
-            for name, section in config
-            if isinstance(section, Section)
-            for key in section.must_exist
-        },
+        **{f"{name}.{key}": getattr(section, key) for name, section in _sections(config) for key in section.must_exist},
     }
     for key, path in named.items():
         if path is None:
             continue
         path = Path(path)
         if not path.exists():
-            yield Finding(key, "fail", f"{path} does not exist", "make it, or change the key")
+            yield Finding(key, "fail", f"{path.absolute()} does not exist", "make it, or change the key")
         elif not os.access(path, os.R_OK):
             yield Finding(key, "fail", f"this user may not read {path}", "sudo, or other permissions")
         else:
             yield Finding(key, "ok", str(path))
+
+
+def _sections(config: Config) -> Iterator[tuple[str, Section]]:
+    """Tables by name; of several boxes those that are used."""
+    for name, section in config:
+        if isinstance(section, Section) and not (name == "source" and config.sources):
+            yield name, section
+    yield from ((f"source of {', '.join(box.devices)}", box.source) for box in config.sources)
 
 
 def _secrets(config: Config) -> Iterator[Finding]:

@@ -214,7 +214,7 @@ class Service:
                 counters.connected,
                 counters.reconnects,
                 counters.broker_trouble,
-                certificate_trouble=certificates.near_end("of the broker", counters.certificate_ends),
+                certificate_trouble=certificates.near_end("of the broker", counters.certificate),
             ),
             archive,
         )

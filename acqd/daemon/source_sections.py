@@ -33,6 +33,7 @@ class SagSection(Section):
 class SimulatedSection(WaveformKeys):
     """A simulated EL3783."""
 
+    must_exist = ("load_profile",)
     kind: Literal["simulated"] = "simulated"
     phases: Annotated[int, Field(ge=1, le=3)] = 3
     seed: int = 1
@@ -67,6 +68,7 @@ class SimulatedSection(WaveformKeys):
 class ReplaySection(WaveformKeys):
     """A recorded waveform in real time."""
 
+    must_exist = ("file",)
     kind: Literal["replay"]
     file: FileName
     loops: Annotated[int, Field(ge=0)] = 1

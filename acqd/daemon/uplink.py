@@ -224,7 +224,7 @@ class Uplink:
             alone_s=round(delivery.alone_s, 3),
             connected=connector.state == "connected",
             broker_trouble=self.name.trouble or connector.trouble,
-            certificate_ends=connector.certificate_ends,
+            certificate=connector.certificate,
             rights_trouble=self.rights_trouble,
             clock_trouble=delivery.clock_trouble,
             reconnects=max(connector.reconnects, 0),

@@ -43,7 +43,7 @@ class Pages:
 
 
 def pages_beneath(folder: Path) -> Pages:
-    """Read the heads of all pages. Links to folders are not followed. Raises UserError for no folder."""
+    """Read the heads of all pages. Links to folders are not followed. Raises UserError for no folder, and no report."""
     if not folder.is_dir():
         raise UserError(f"{folder}: {no_folder(folder)}; name one that holds reports")
     pages, others = [], []
@@ -55,9 +55,19 @@ def pages_beneath(folder: Path) -> Pages:
             continue
         if head.kind != KIND:
             pages.append(Listed(path, head))
+    if not pages:
+        raise UserError(f"{folder}: no report of acqd in it{_first_of(others)}; name a folder that holds reports")
     pages.sort(key=lambda each: each.head.written, reverse=True)
     pages.sort(key=lambda each: _ORDER.index(each.head.verdict.tone))
     return Pages(folder, pages, others)
+
+
+def _first_of(others: list[tuple[Path, str]]) -> str:
+    """Of files that are no reports the first one, and why."""
+    if not others:
+        return ""
+    (path, why), *more = others
+    return f" ({path}: {why}{f', and {len(more)} more' if more else ''})"
 
 
 def _files(folder: Path) -> Iterator[Path]:
@@ -74,21 +84,20 @@ def _files(folder: Path) -> Iterator[Path]:
 
 def index_page(found: Pages, out: Path) -> Page:
     """The page, to be written to `out`."""
-    simulated = bool(found.pages) and all(each.head.simulated for each in found.pages)
+    simulated = all(each.head.simulated for each in found.pages)
     page = Page(f"Reports in {found.folder.resolve().name}", simulated=simulated, kind=KIND)
     page.verdict(_verdict(found))
     page.heading("Pages")
-    if found.pages:
-        page.table(
-            ["page", "what", "robot or device", "says", "written (UTC)"],
-            [
-                (
-                    Link(str(each.path.relative_to(found.folder)), _address(each.path, out)), what(each.head),
-                    each.head.subject, said(each.head), each.head.written.removesuffix(" UTC"),
-                )
-                for each in found.pages
-            ],
-        )  # fmt: skip
+    page.table(
+        ["page", "what", "robot or device", "says", "written (UTC)"],
+        [
+            (
+                Link(str(each.path.relative_to(found.folder)), _address(each.path, out)), what(each.head),
+                each.head.subject, said(each.head), each.head.written.removesuffix(" UTC"),
+            )
+            for each in found.pages
+        ],
+    )  # fmt: skip
     page.heading("Files that are not listed")
     if found.others:
         page.table(["file", "why"], [(str(path.relative_to(found.folder)), why) for path, why in found.others])
@@ -110,8 +119,7 @@ def _verdict(found: Pages) -> Verdict:
     figures = [KeyFigure(_STATES[tone], str(tones.count(tone))) for tone in _ORDER if tone in tones]
     if found.others:
         figures.append(KeyFigure("not listed", str(len(found.others)), "see below"))
-    tone: Tone = next((tone for tone in _ORDER if tone in tones), "open")
-    return Verdict(tone, counted(len(found.pages), "report") if found.pages else "No report was found", "", figures)
+    return Verdict(min(tones, key=_ORDER.index), counted(len(found.pages), "report"), "", figures)
 
 
 def _address(path: Path, out: Path) -> str:

@@ -65,15 +65,15 @@ def open_database(url: str, *, create: bool = True) -> sa.Engine:
 
 
 def _check_tables(engine: sa.Engine) -> None:
+    file = file_of(engine)
     try:
-        file = file_of(engine)
         there = _holds_tables(engine) if file is None else _may_be_ours(file)
     except (sa.exc.DBAPIError, sqlite3.Error):
         return  # `prepare` says why
-    if not there:
-        raise UserError(
-            f"database {shown(engine.url)} has no tables of acqd: empty, or another one; a sink makes them at its start"
-        )
+    if there:
+        return
+    why = "empty, or another one; a sink makes them at its start" if file is None else "another program's; name another"
+    raise UserError(f"database {shown(engine.url)} has no tables of acqd: {why}")
 
 
 def _holds_tables(engine: sa.Engine) -> bool:
@@ -83,7 +83,7 @@ def _holds_tables(engine: sa.Engine) -> bool:
 
 def _may_be_ours(file: Path) -> bool:
     """Whether an SQLite file has tables of acqd, or none yet. It is not touched: another program's stays as it is."""
-    with contextlib.closing(sqlite3.connect(f"{file.absolute().as_uri()}?mode=ro", uri=True)) as connection:
+    with contextlib.closing(sqlite3.connect(f"{file.absolute().as_uri()}?mode=rw", uri=True)) as connection:
         there = connection.execute("SELECT name FROM sqlite_master WHERE type IN ('table', 'view')")
         names = {name for (name,) in there}
     return not names or {"power", "alembic_version"} <= names
@@ -113,11 +113,11 @@ def prepare(engine: sa.Engine) -> None:
 
 
 def read_database(url: str) -> sa.Engine:
-    """Engine for a viewer, who neither creates nor migrates; for answers within seconds, or errors.
+    """Engine for a viewer, who changes nothing; for answers within seconds, or errors.
 
     Raises UserError for a URL that cannot be used, and for a SQLite file that is not there.
     """
-    engine = engine_for(url, impatient=True)
+    engine = engine_for(url, impatient=True, viewing=True)
     _require_file(engine)
     sa.event.listen(engine, "handle_error", _named)
     return engine
@@ -190,24 +190,25 @@ def _up_to_date(engine: sa.Engine) -> bool:
     return version == newest_version()
 
 
-def engine_for(url: str, *, impatient: bool = False) -> sa.Engine:
+def engine_for(url: str, *, impatient: bool = False, viewing: bool = False) -> sa.Engine:
     """Engine for a URL or path; nothing is opened yet.
 
     `impatient`: statements and locks that take longer than seconds are errors, for a caller that tries again.
-    Raises UserError for a URL or a folder that cannot be used.
+    `viewing`: nothing is written. Raises UserError for a URL or a folder that cannot be used.
     """
     parsed = parse_url(url)
     try:
         if parsed.get_backend_name() == "sqlite":
             _check_folder(parsed.database)
             engine = sa.create_engine(parsed, connect_args={"timeout": _LOCK_S if impatient else _PATIENCE_S})
-            sa.event.listen(engine, "connect", _sqlite_settings)
+            sa.event.listen(engine, "connect", _sqlite_viewing if viewing else _sqlite_settings)
             return engine
         # A statement that was prepared on one connection of a pooler is unknown on the next one.
         arguments = {"connect_timeout": 5, "prepare_threshold": None, **(_IMPATIENT if impatient else {})}
         engine = sa.create_engine(parsed, pool_pre_ping=True, connect_args=arguments)
         if impatient:
-            sa.event.listen(engine, "begin", lambda connection: connection.exec_driver_sql(f"{_LIMITS}; {_ON_DISK}"))
+            settings = f"{_LIMITS}; {'SET TRANSACTION READ ONLY' if viewing else _ON_DISK}"
+            sa.event.listen(engine, "begin", lambda connection: connection.exec_driver_sql(settings))
         return engine
     except ModuleNotFoundError as error:
         raise UserError(
@@ -235,11 +236,21 @@ def file_of(engine: sa.Engine) -> Path | None:
     return Path(path) if engine.dialect.name == "sqlite" and path and path != ":memory:" else None
 
 
+def _sqlite_functions(connection: Any) -> None:
+    connection.isolation_level = None  # transactions are begun by us, not guessed by sqlite3
+    connection.create_function("sqrt", 1, lambda x: None if x is None else math.sqrt(x), deterministic=True)
+
+
+def _sqlite_viewing(connection: Any, _record: Any) -> None:
+    """Not `mode=ro`: such a connection leaves the -wal and -shm files that it has made when it was the only one."""
+    _sqlite_functions(connection)
+    connection.execute("PRAGMA query_only=ON").close()
+
+
 def _sqlite_settings(connection: Any, record: Any) -> None:
     # WAL: readers never wait for the sink. FULL: a commit is on the disk before it returns, because a receipt follows
     # it, and then the daemon forgets the rows (ADR 31).
-    connection.isolation_level = None  # transactions are begun by us, not guessed by sqlite3
-    connection.create_function("sqrt", 1, lambda x: None if x is None else math.sqrt(x), deterministic=True)
+    _sqlite_functions(connection)
     cursor = connection.cursor()
     _to_wal(cursor)
     cursor.execute("PRAGMA synchronous=FULL")

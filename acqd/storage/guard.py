@@ -9,10 +9,9 @@ from __future__ import annotations
 import logging
 import os
 import sqlite3
-import time
+import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from datetime import datetime
 from typing import Any
 
 import sqlalchemy as sa
@@ -23,10 +22,8 @@ from acqd.storage.clock_witness import ClockWitness
 from acqd.storage.database import file_of, transaction
 from acqd.storage.database_witness import DatabaseWitness
 from acqd.storage.url import shown
-from acqd.timestamps import rfc3339
 
 _log = logging.getLogger(__name__)
-_DAY_S = 86_400.0
 
 
 class Guard:
@@ -38,6 +35,7 @@ class Guard:
         """`memory`: what earlier starts of the sink know."""
         self._memory = memory or DatabaseWitness(None, client_id)
         self._engine, self._key, self._witness = engine, state.commits(client_id), witness
+        self._recalled_key = state.recalled(client_id)
         self._identity: str | None = None
         self._number = 0
         self._path = file_of(engine)
@@ -46,8 +44,8 @@ class Guard:
         self.recall = 0
         """Times that the database may lack rows that daemons still have: they are to be sent again."""
         self.recalled = ""
-        """Names the last of these times, of earlier starts too; empty: none of the last day."""
-        self._name_key, self._unwritten = state.recalled(client_id), False
+        """Name of the last such event, also of an earlier start: daemons may have been away since. Empty: none."""
+        self._unwritten = False
 
     def open(self) -> None:
         """Read at the start what the database remembers, before the first row is judged. Raises as `transaction`."""
@@ -67,7 +65,7 @@ class Guard:
             number = self._check_state(connection) + 1
             state.write_mark(connection, self._key, self._witness.mark(number))
             if self._unwritten:
-                state.write(connection, self._name_key, self.recalled)
+                state.write(connection, self._recalled_key, self.recalled)
             yield connection
         self._number, self._unwritten = number, False
         if self._identity is not None:
@@ -117,6 +115,11 @@ class Guard:
             raise self._away(error.strerror or str(error)) from None
         return found.st_dev, found.st_ino
 
+    def _ask_again(self) -> None:
+        """Rows are missing that daemons still have. The name goes into the database with the next commit."""
+        self.recalled, self._unwritten = uuid.uuid4().hex, True
+        self.recall += 1
+
     def _check_state(self, connection: sa.Connection) -> int:
         """Number of the last commit of this sink in the database."""
         try:
@@ -132,9 +135,9 @@ class Guard:
         if self._identity is None:
             self._identity = identity
             self._number = max(mark.number if mark is not None else 0, self._memory.number(str(identity)))
-            self.recalled = _of_the_last_day(state.read(connection, self._name_key) or "")
+            self.recalled = state.read(connection, self._recalled_key) or ""
             if not self._number and not state.has_commits(connection):  # new, or what a server has failed over to
-                self._ask()
+                self._ask_again()
             self._witness.remember(mark)
             self._witness.look()
         elif identity != self._identity:
@@ -142,7 +145,7 @@ class Guard:
         number = mark.number if mark is not None else 0
         if number < self._number:
             self.restored += 1
-            self._ask()
+            self._ask_again()
             _log.error(
                 "database %s is in an earlier state (commit %d, was %d): restored? Daemons send again what they have",
                 shown(self._engine.url), number, self._number,
@@ -150,21 +153,6 @@ class Guard:
             self._number = number
         return number
 
-    def _ask(self) -> None:
-        """Daemons that are away now hear of it when they come back, also from a later start of the sink."""
-        self.recalled = f"{rfc3339(time.time_ns())}/{self.recall + 1}"
-        self._unwritten = True
-        self.recall += 1  # last: another thread looks at it
-
     def _away(self, reason: str) -> DatabaseAwayError:
         text = f"{shown(self._engine.url)}: {reason}"
         return DatabaseAwayError(f"database {text}", text)
-
-
-def _of_the_last_day(name: str) -> str:
-    """The name of a recall; empty where it is older than kept rows are, or cannot be read."""
-    try:
-        then_s = datetime.fromisoformat(name.partition("/")[0]).timestamp()
-    except ValueError:
-        return ""
-    return name if abs(time.time() - then_s) < _DAY_S else ""

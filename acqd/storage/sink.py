@@ -74,11 +74,10 @@ class Sink:
         self._unanswered = 0
         self._subscriber: Subscriber | None = None
         self._arrived: list[Publish] = []
-        self._held = self._under_way = self._recalled = 0
+        self._held = self._under_way = self._asked = 0
+        self._recalled = ""
         self._since = self._fed = 0.0
         self._announced = False
-        self._named = ""
-        """The recall that the announcement names."""
         self._said: set[str] = set()
         self._started = rfc3339(time.time_ns())
         self.counters = SinkCounters()
@@ -159,7 +158,7 @@ class Sink:
         try:
             subscriber.connect()
             self._subscriber = subscriber
-            self.counters.certificate_ends = subscriber.certificate_ends
+            self.counters.certificate = subscriber.certificate
             self.counters.reconnects += 1
             if self._settings.group and self._version == V5:
                 # A session from a time without sharing would get every row.
@@ -215,19 +214,19 @@ class Sink:
                 subscriber.acknowledge([number for number in batch.numbers if number])
                 self._under_way -= len(batch.numbers)
                 self._held -= sum(len(message.payload) for message in batch.messages)
-        self.counters.recalls = self._writer.guard.restored
-        recall = self._writer.guard.recall
-        if self._announced and (recall > self._recalled or self._writer.guard.recalled != self._named):
-            content = self._announcement(**({"recall": True} if recall > self._recalled else {}))
-            self._recalled = recall
-            subscriber.publish(topics.sink_status(self._settings.client_id), content, retain=True)
+        guard = self._writer.guard
+        self.counters.recalls = guard.restored
+        if self._announced and (self._asked, self._recalled) != (guard.recall, guard.recalled):
+            subscriber.publish(topics.sink_status(self._settings.client_id), self._announcement(), retain=True)
 
-    def _announcement(self, **more: bool) -> bytes:
+    def _announcement(self) -> bytes:
         """`recalled`: daemons that were away when the rows were asked for find that when they come back."""
-        about = {"version": __version__, "host": socket.gethostname(), "started": self._started}
-        self._named = self._writer.guard.recalled
-        recalled = {"recalled": self._named} if self._named else {}
-        content = {"state": "online", "sink": self._settings.client_id, "schema": 1, **about, **recalled, **more}
+        guard = self._writer.guard
+        asked, self._asked, self._recalled = self._asked, guard.recall, guard.recalled
+        content = {"state": "online", "sink": self._settings.client_id, "schema": 1, "version": __version__}
+        content |= {"host": socket.gethostname(), "started": self._started}
+        content |= {"recalled": self._recalled} if self._recalled else {}
+        content |= {"recall": True} if self._asked > asked else {}
         return orjson.dumps(content)
 
     def _count(self, committer: Committer) -> list[tuple[Batch, Written]]:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from datetime import datetime
 
 from acqd.storage.allowance import MALFORMED_BYTES_PER_DAY
+from acqd.telemetry.certificates import Validity
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,8 +41,8 @@ class SinkCounters:
     """Monotonic time of the last commit."""
     broker_trouble: str = ""
     """Why there is no connection to the broker; empty while there is one."""
-    certificate_ends: datetime | None = None
-    """When the certificate ends that the broker has shown last; None without TLS."""
+    certificate: Validity | None = None
+    """When the certificate is valid that the broker has shown last; None without TLS."""
     database_trouble: str = ""
     """Why the database takes no rows; empty while it does."""
     database_returns: int = 0

@@ -12,7 +12,7 @@ from acqd.storage.away import left_out
 from acqd.storage.schema import database_state
 from acqd.uptime import Moment
 
-_COMMITS = "commits/"
+_COMMITS, _RECALLED = "commits/", "recalled/"
 _MOST = 2**62
 """Of numbers and nanoseconds: what somebody else has written there is not counted on."""
 IDENTITY, MAINTAINED = "identity", "maintained"
@@ -37,8 +37,8 @@ def commits(client_id: str) -> str:
 
 
 def recalled(client_id: str) -> str:
-    """Key of the name of the last time that a sink asked for kept rows."""
-    return f"recalled/{client_id}"
+    """Key of the name of the last event by which one sink's database lacked rows."""
+    return f"{_RECALLED}{client_id}"
 
 
 def has_commits(connection: sa.Connection) -> bool:

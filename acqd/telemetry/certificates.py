@@ -7,65 +7,82 @@ import socket
 import ssl
 import time
 from collections.abc import Iterable, Iterator
-from datetime import UTC, datetime
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
-WARN_DAYS = 30.0
+_WARN = timedelta(days=30)
 """A certificate that ends sooner is a problem: somebody has to make another one and bring it to the plant."""
+_SHARE = 4
+"""Those of a shorter life are renewed by programs when a third of it is left (ACME clients), so that none of them is
+near its end before a quarter is."""
 _PEM = re.compile(rb"-----BEGIN CERTIFICATE-----.*?-----END CERTIFICATE-----", re.DOTALL)
 _VERSION, _UTC_TIME, _GENERALIZED_TIME = 0xA0, 0x17, 0x18
 
 
-def ends(path: Path) -> datetime | None:
-    """The earliest end of the certificates in a PEM file; None: it has none. Raises OSError; ValueError for damage."""
-    found = [not_after(ssl.PEM_cert_to_DER_cert(pem.decode("ascii"))) for pem in _PEM.findall(path.read_bytes())]
+@dataclass(frozen=True, slots=True, order=True)
+class Validity:
+    """When a certificate is valid (UTC)."""
+
+    ends: datetime
+    begins: datetime
+
+
+def of_file(path: Path) -> Validity | None:
+    """That of the certificate in a PEM file that ends first; None: it has none. Raises OSError; ValueError: damage."""
+    found = [validity(ssl.PEM_cert_to_DER_cert(pem.decode("ascii"))) for pem in _PEM.findall(path.read_bytes())]
     return min(found, default=None)
 
 
-def not_after(der: bytes) -> datetime:
-    """The end of a certificate's validity. Raises ValueError."""
+def validity(der: bytes) -> Validity:
+    """When a certificate is valid. Raises ValueError."""
     try:
         certificate = next(_parts(der))[1]
         fields = [part for part in _parts(next(_parts(certificate))[1]) if part[0] != _VERSION]
-        _, end = _parts(fields[3][1])  # after serial number, signature and issuer: begin and end
+        begin, end = _parts(fields[3][1])  # after serial number, signature and issuer
     except (IndexError, StopIteration, ValueError):
         raise ValueError("is no certificate") from None
-    form = {_UTC_TIME: "%y%m%d%H%M%SZ", _GENERALIZED_TIME: "%Y%m%d%H%M%SZ"}.get(end[0])
+    return Validity(_time(end), _time(begin))
+
+
+def _time(part: tuple[int, bytes]) -> datetime:
+    form = {_UTC_TIME: "%y%m%d%H%M%SZ", _GENERALIZED_TIME: "%Y%m%d%H%M%SZ"}.get(part[0])
     if form is None:
-        raise ValueError("a certificate without an end")
-    return datetime.strptime(end[1].decode("ascii", "replace"), form).replace(tzinfo=UTC)
+        raise ValueError("a certificate without begin and end")
+    return datetime.strptime(part[1].decode("ascii", "replace"), form).replace(tzinfo=UTC)
 
 
 def trouble(paths: Iterable[Path | None], now: float | None = None) -> str:
-    """Which certificate ends within `WARN_DAYS`, or cannot be read; else empty. `now`: Unix s."""
+    """Which certificate ends soon, or cannot be read; else empty. `now`: Unix s."""
     for path in paths:
         if path is None:
             continue
         try:
-            end = ends(path)
+            valid = of_file(path)
         except (OSError, ValueError) as error:
             return f"certificate {path}: {getattr(error, 'strerror', None) or error}"
-        if near := near_end(str(path), end, now):
+        if near := near_end(str(path), valid, now):
             return near
     return ""
 
 
-def near_end(name: str, end: datetime | None, now: float | None = None) -> str:
-    """That a certificate ends within `WARN_DAYS` or has ended, else empty. `now`: Unix s."""
-    if end is None:
+def near_end(name: str, valid: Validity | None, now: float | None = None) -> str:
+    """That a certificate ends soon or has ended, else empty. `now`: Unix s."""
+    if valid is None:
         return ""
-    days = (end.timestamp() - (time.time() if now is None else now)) / 86_400
-    if days >= WARN_DAYS:
+    left = valid.ends - datetime.fromtimestamp(time.time() if now is None else now, UTC)
+    if left >= min(_WARN, (valid.ends - valid.begins) / _SHARE):
         return ""
-    when = f"ends in {days:.0f} days, on {end:%Y-%m-%d}" if days > 0 else f"has ended on {end:%Y-%m-%d}"
+    days = left / timedelta(days=1)
+    when = f"ends in {days:.0f} days, on {valid.ends:%Y-%m-%d}" if days > 0 else f"has ended on {valid.ends:%Y-%m-%d}"
     return f"certificate {name} {when}"
 
 
-def end_of_peer(sock: socket.socket) -> datetime | None:
-    """The end of the certificate that the other side of a connection has shown; None without TLS."""
+def of_peer(sock: socket.socket) -> Validity | None:
+    """That of the certificate that the other side of a connection has shown; None without TLS."""
     shown = sock.getpeercert(binary_form=True) if isinstance(sock, ssl.SSLSocket) else None
     try:
-        return None if shown is None else not_after(shown)
+        return None if shown is None else validity(shown)
     except ValueError:
         return None
 

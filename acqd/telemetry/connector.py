@@ -13,11 +13,11 @@ import logging
 import math
 import time
 from collections.abc import Callable, Sequence
-from datetime import datetime
 from typing import Literal
 
 from acqd.errors import UserError
 from acqd.retry import Backoff
+from acqd.telemetry.certificates import Validity
 from acqd.telemetry.message import Message, Outbox, Room
 from acqd.telemetry.mqtt import BrokerAddress, is_refusal, refusal
 from acqd.telemetry.patience import Patience
@@ -60,8 +60,8 @@ class Connector:
         self.delivered = 0
         """Messages that the broker has acknowledged."""
         self.reconnects = -1
-        self.certificate_ends: datetime | None = None
-        """When the certificate ends that the broker has shown last; None without TLS."""
+        self.certificate: Validity | None = None
+        """When the certificate is valid that the broker has shown last; None without TLS."""
         self._short, self._since = 0, -math.inf
         self._patience = Patience()
 
@@ -126,7 +126,7 @@ class Connector:
         async with Session(self._address, self._client_id, will, self._outbox, patience=self._patience) as session:
             self.reconnects += 1
             self.state, self._failure, self._since = "connected", "", time.monotonic()
-            self.certificate_ends = session.certificate_ends
+            self.certificate = session.certificate
             _log.info("connected to broker %s", self._address)
             try:
                 self._outbox.begin()

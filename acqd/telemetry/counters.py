@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from datetime import datetime
+
+from acqd.telemetry.certificates import Validity
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,8 +52,8 @@ class TelemetryCounters:
     connected: bool
     broker_trouble: str
     """Why connections end again and again, else empty."""
-    certificate_ends: datetime | None
-    """When the broker's certificate ends; None without TLS."""
+    certificate: Validity | None
+    """When the broker's certificate is valid; None without TLS."""
     rights_trouble: str
     """Which rows the broker acknowledges and does not take, else empty."""
     clock_trouble: str

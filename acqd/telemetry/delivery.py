@@ -23,14 +23,13 @@ from acqd.telemetry.dialogue import Dialogue
 from acqd.telemetry.in_flight import InFlight
 from acqd.telemetry.message import Line, Message, Room
 from acqd.telemetry.receipt_watch import AHEAD, ReceiptWatch
-from acqd.telemetry.receipts import announcement, parse_receipt, ranges_of
+from acqd.telemetry.receipts import Announcement, announcement, parse_receipt, ranges_of
 from acqd.telemetry.row_message import messages_of
 from acqd.telemetry.spool import Readings, Spool, SpooledRow, Stream
 from acqd.telemetry.unsent import Unsent
 
 _log = logging.getLogger(__name__)
 Until = Literal["stored", "acknowledged"]
-_MOST_SINKS = 64
 _LIVE = 1_000
 """New rows that wait in memory for a slow connection; beyond that they come with the backlog."""
 _WAIT_S = 0.5
@@ -69,7 +68,6 @@ class Delivery:
         self._flying, self._unsent = InFlight(), Unsent()
         self._clocks = ClockMatch()
         self._watch, self._acknowledgements = ReceiptWatch(self._flying, now), Acknowledgements()
-        self._recalled: dict[str, str] = {}
         self._devices = spool.devices | set(devices)
         self._more = self._again = False
         self._backlog_open = True
@@ -241,22 +239,18 @@ class Delivery:
                 self._from_the_start()
         else:
             self._watch.came(topic)
-            if self._is_recalled(topic, payload, retained=retained) and (again := self.spool.recall()):
-                _log.warning("the database of %s may lack rows: %d stored ones are sent again", topic, again)
+            self._recall(topic, announcement(payload), retained=retained)
             if not retained:  # what was sent before the sink had subscribed may never reach it
                 self._from_the_start()
         self._changed.set()
 
-    def _is_recalled(self, topic: str, payload: bytes, *, retained: bool) -> bool:
-        """Whether the database of a sink lacks rows, and these have not been sent again for that reason."""
-        said = announcement(payload)
-        if not said.recalled:
-            return said.recall and not retained
-        known = self._recalled.get(topic)
-        self._recalled[topic] = said.recalled
-        if len(self._recalled) > _MOST_SINKS:
-            del self._recalled[next(iter(self._recalled))]
-        return said.recalled != known
+    def _recall(self, topic: str, said: Announcement, *, retained: bool) -> None:
+        """Send again what the database of a sink may lack; a sink of an earlier version does not name the event."""
+        if not said.recalled and (retained or not said.recall):
+            return
+        if again := self.spool.recall(topic, said.recalled):
+            _log.warning("the database of %s may lack rows: %d stored ones are sent again", topic, again)
+            self._from_the_start()
 
     @property
     def outstanding(self) -> int:

@@ -14,7 +14,7 @@ from typing import Any
 
 from acqd.errors import UserError
 from acqd.telemetry import wire
-from acqd.telemetry.certificates import end_of_peer
+from acqd.telemetry.certificates import of_peer
 from acqd.telemetry.loop_socket import LoopSocket, in_words, reach
 from acqd.telemetry.message import Message, Outbox
 from acqd.telemetry.mqtt import BrokerAddress
@@ -79,7 +79,7 @@ class Session:
             sock = await reach(self._address, _CONNECT_S)
         except (OSError, ValueError, UserError) as error:
             raise SessionError(in_words(error)) from None
-        self.certificate_ends = end_of_peer(sock)
+        self.certificate = of_peer(sock)
         self._socket = LoopSocket(sock, self._take, self._end)
         try:
             self._socket.write(wire.connect(self._hello))

@@ -11,11 +11,10 @@ import socket
 import ssl
 import time
 from collections.abc import Sequence
-from datetime import datetime
 
 from acqd.errors import UserError
 from acqd.telemetry import wire
-from acqd.telemetry.certificates import end_of_peer
+from acqd.telemetry.certificates import Validity, of_peer
 from acqd.telemetry.mqtt import BrokerAddress, dial
 from acqd.telemetry.wire import Hello, Packets, Publish
 
@@ -50,8 +49,8 @@ class Subscriber:
         self.refused_topics: list[str] = []
         """All topics that it has refused."""
         self._topics: Sequence[str] = ()
-        self.certificate_ends: datetime | None = None
-        """When the broker's certificate ends; None without TLS."""
+        self.certificate: Validity | None = None
+        """When the broker's certificate is valid; None without TLS."""
 
     @property
     def version(self) -> int:
@@ -64,7 +63,7 @@ class Subscriber:
             self._socket = dial(self._address, _CONNECT_S)
         except (OSError, ValueError, UserError) as error:
             raise SubscriberError(getattr(error, "strerror", None) or str(error)) from None
-        self.certificate_ends = end_of_peer(self._socket)
+        self.certificate = of_peer(self._socket)
         self._out += wire.connect(self._hello)
         deadline = time.monotonic() + _ANSWER_S
         while not self._accepted:

@@ -5,9 +5,11 @@ from __future__ import annotations
 import json
 import re
 import tomllib
+from pathlib import Path
 
 import pytest
 
+from acqd.daemon.config_checks import config_checks
 from acqd.daemon.config_file import load_config
 from acqd.installation.plan import LOGINS, configuration
 from acqd.integrations.alarms.section import AlarmsSection
@@ -119,6 +121,25 @@ def test_check_names_passwords_and_folders_that_are_not_there(five):
     (five / "hall-3.password").unlink()
     assert "password" in acqd_here("config", "check", five / "acqd.toml").stdout
     assert "unknown key devise" in _check_of(five, 'devise = "a"\n')
+
+
+@pytest.mark.parametrize(
+    ("text", "check"),
+    [
+        ('[source]\nkind = "replay"\nfile = "nosuch.csv"\n', "source.file"),
+        ('[source]\nload_profile = "nosuch.csv"\n', "source.load_profile"),
+        ('[[source]]\nkind = "replay"\ndevice = "a"\nfile = "nosuch.csv"\n', "source of a.file"),
+    ],
+)
+def test_check_names_the_key_of_a_file_that_is_not_there(tmp_path, text, check, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("acqd.toml").write_text(text)
+    Path("nosuch.csv").write_text("t,P1\n0,1\n")
+    states = [{one.check: one for one in config_checks(load_config(Path("acqd.toml")), connect=False)}]
+    Path("nosuch.csv").unlink()
+    states.append({one.check: one for one in config_checks(load_config(Path("acqd.toml")), connect=False)})
+    assert [found[check].state for found in states] == ["ok", "fail"]
+    assert states[1][check].finding == f"{tmp_path}/nosuch.csv does not exist"
 
 
 def _check_of(folder, text):

@@ -5,10 +5,11 @@ import re
 
 import pytest
 
-from acqd.errors import InputError
+from acqd.errors import InputError, UserError
 from acqd.report import KeyFigure, Page, Verdict
 from acqd.report.chain import connect, later_than
 from acqd.report.head import read_head
+from acqd.report.index import pages_beneath
 from tests.commands import acqd_here, refused
 
 
@@ -104,8 +105,11 @@ def test_reports_replaces_no_file_that_is_not_a_list(three, tmp_path):
     assert "would be lost" in refused(acqd_here("reports", tmp_path, "--out", three[0]))
     assert "ends in .html" in refused(acqd_here("reports", tmp_path, "--out", tmp_path / "list.txt"))
     (tmp_path / "void").mkdir()
-    done = acqd_here("reports", tmp_path / "void")
-    assert done.returncode == 0 and "no report of acqd" in done.stdout
+    assert "void: no report of acqd in it; name" in refused(acqd_here("reports", tmp_path / "void"))
+    (tmp_path / "void" / "a.html").write_text("<html></html>")
+    with pytest.raises(UserError, match=r"no report of acqd in it \(.*a\.html: is no page of acqd"):
+        pages_beneath(tmp_path / "void")
+    assert [path.name for path in (tmp_path / "void").iterdir()] == ["a.html"]
 
 
 def test_a_page_that_is_gone_is_said_to_be(tmp_path):

@@ -53,8 +53,10 @@ def test_an_older_copy_that_was_put_back_while_the_sink_was_stopped_is_named_onc
             connection.execute(changed)
     again = run(database, tmp_path, 1)
     assert (again.restored, again.recall) == (1, 1) and "in an earlier state" in caplog.text
+    named = again.recalled
     again = run(database, tmp_path, 2)
     assert (again.restored, again.recall) == (0, 0)
+    assert again.recalled == named, "daemons that were away meanwhile find it when they come back"
 
 
 def test_a_copy_from_before_the_first_commit_of_the_sink_lacks_rows_too(tmp_path):

@@ -15,7 +15,7 @@ import sqlalchemy as sa
 
 from acqd.errors import UserError
 from acqd.storage.away import DatabaseAwayError
-from acqd.storage.database import engine_for, open_database, prepare, transaction
+from acqd.storage.database import engine_for, open_database, prepare, read_database, transaction
 from acqd.storage.received import Received
 from acqd.storage.schema import database_state, metadata, power_event
 from acqd.storage.writer import Writer
@@ -98,15 +98,39 @@ def test_a_command_makes_no_tables_in_an_empty_replica(postgres):
     assert open_database(postgres, create=False)
 
 
+@pytest.mark.parametrize("mode", ["DELETE", "WAL"])
 @pytest.mark.parametrize("table", ["cars", "power"])
-def test_a_command_leaves_the_file_of_another_program_as_it_is(tmp_path, table):
+def test_a_command_leaves_the_file_of_another_program_as_it_is(tmp_path, table, mode):
     path = tmp_path / "other.sqlite"
     with contextlib.closing(sqlite3.connect(path)) as connection:
+        connection.execute(f"PRAGMA journal_mode={mode}")
         connection.execute(f"CREATE TABLE {table} (a)")
     before = path.read_bytes()
     with pytest.raises(UserError, match="has no tables of acqd"):
         open_database(str(path), create=False)
     assert path.read_bytes() == before and list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("mode", ["DELETE", "WAL"])
+def test_a_viewer_changes_no_file(tmp_path, mode):
+    path = tmp_path / "other.sqlite"
+    with contextlib.closing(sqlite3.connect(path)) as connection:
+        connection.execute(f"PRAGMA journal_mode={mode}")
+        connection.execute("CREATE TABLE power (a)")
+    before = path.read_bytes()
+    engine = read_database(str(path))
+    with engine.connect() as connection:
+        assert not connection.exec_driver_sql("SELECT * FROM power").all()
+        with pytest.raises(sa.exc.OperationalError, match="readonly"):
+            connection.exec_driver_sql("DELETE FROM power")
+    engine.dispose()
+    assert path.read_bytes() == before and list(tmp_path.iterdir()) == [path]
+
+
+def test_a_viewer_of_a_server_changes_nothing(postgres):
+    open_database(postgres).dispose()
+    with read_database(postgres).connect() as connection, pytest.raises(sa.exc.DBAPIError, match="read-only"):
+        connection.exec_driver_sql("DELETE FROM power")
 
 
 def test_a_sink_names_the_table_of_another_program(tmp_path):

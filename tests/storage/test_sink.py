@@ -199,6 +199,24 @@ def test_receipts_and_the_announcement(mosquitto, tmp_path):
     assert list(ranges) == [(0, 2), (5, 5)]
 
 
+def test_the_announcement_names_for_which_event_rows_were_asked_for_also_after_a_restart(mosquitto, tmp_path):
+    engine = open_database(str(tmp_path / "a.sqlite"))
+    said, events = [], set()
+    with publisher(mosquitto.port) as client:
+        client.on_message = lambda _client, _data, message: said.append(message.payload)
+        client.subscribe("acqd/sink/s/status", 1)
+        for seq in (0, 1):
+            with running_sink(BrokerAddress(port=mosquitto.port), engine, client_id="s"):
+                publish(client, [row(seq)])
+                wait_for(lambda: any(b'"recalled"' in one for one in said), "the name of the event")
+            wait_for(lambda: said[-1] == b"offline", "the farewell")
+            named = [json.loads(one) for one in said if b'"recalled"' in one]
+            said.clear()
+            assert [one for one in named if one.get("recall")] == (named[:1] if not seq else [])
+            events |= {one["recalled"] for one in named}
+    assert len(events) == 1
+
+
 def test_a_broker_that_does_not_answer_to_mqtt_5_is_asked_by_3_1_1(tmp_path, monkeypatch):
     """The embedded broker, which the sink does not know to be one."""
     monkeypatch.setattr("acqd.telemetry.subscriber._ANSWER_S", 0.5)

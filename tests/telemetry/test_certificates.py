@@ -7,7 +7,7 @@ from datetime import UTC, datetime, timedelta
 
 import pytest
 
-from acqd.telemetry.certificates import ends, not_after, trouble
+from acqd.telemetry.certificates import of_file, trouble, validity
 
 
 @pytest.fixture(scope="module", params=["20", "9999"])
@@ -23,20 +23,21 @@ def certificate(request, tmp_path_factory):
 
 
 def test_the_end_is_that_of_openssl(certificate):
-    path, _ = certificate
+    path, days = certificate
     told = subprocess.run(["openssl", "x509", "-enddate", "-noout", "-in", path], check=True, capture_output=True)
     expected = datetime.strptime(told.stdout.decode().strip(), "notAfter=%b %d %H:%M:%S %Y GMT").replace(tzinfo=UTC)
-    assert ends(path) == expected
-    now = (expected - timedelta(days=20.2)).timestamp()
-    assert trouble([None, path], now).endswith(f"ends in 20 days, on {expected:%Y-%m-%d}")
-    assert "has ended" in trouble([path], expected.timestamp() + 1) and not trouble([path], now - 11 * 86_400)
+    assert of_file(path).ends == expected
+    soon = min(30, days / 4)  # a program renews certificates of a short life, and not a month before their end
+    now = (expected - timedelta(days=soon - 0.2)).timestamp()
+    assert trouble([None, path], now).endswith(f"ends in {soon - 0.2:.0f} days, on {expected:%Y-%m-%d}")
+    assert "has ended" in trouble([path], expected.timestamp() + 1) and not trouble([path], now - 0.4 * 86_400)
 
 
 def test_files_that_are_none(certificate, tmp_path):
     (tmp_path / "key").write_text("-----BEGIN PRIVATE KEY-----\n")
-    assert ends(tmp_path / "key") is None and not trouble([tmp_path / "key"])
+    assert of_file(tmp_path / "key") is None and not trouble([tmp_path / "key"])
     (tmp_path / "cut").write_text("-----BEGIN CERTIFICATE-----\nMIIB\n-----END CERTIFICATE-----\n")
     assert "is no certificate" in trouble([tmp_path / "cut"]) and "No such file" in trouble([tmp_path / "none"])
     for data in (b"", b"0", b"0\x80", b"0\x02\x30\x00"):
         with pytest.raises(ValueError, match="is no certificate"):
-            not_after(data)
+            validity(data)

@@ -227,6 +227,7 @@ def test_a_sink_whose_database_lacks_rows_gets_them_again_once(said, retained, w
     bench.receipt(0, 4)
     bench.sink(said, retained)
     assert len(bench.box) == waiting
+    assert len(bench.take_all()) == waiting
     bench.receipt(0, 4)
     bench.sink(said, retained=True)  # a later connection
     assert len(bench.box) == 0

@@ -121,7 +121,8 @@ RUNBOOK = (
     _entry(
         "certificate",
         "`certificate ... ends in ... days`",
-        "make another one (`config/make-certificates.sh`) and copy it to its place; services read it when they connect",
+        "make another one (`config/make-certificates.sh`) and copy it to its place; services read it, and see that of "
+        "the broker, when they connect",
         r"^certificate |^doctor: certificates",
     ),
     _entry(

@@ -67,7 +67,7 @@ class SinkHealth(ServiceHealth):
                 sink.connected,
                 max(counters.reconnects, 0),
                 counters.broker_trouble,
-                certificate_trouble=certificates.near_end("of the broker", counters.certificate_ends),
+                certificate_trouble=certificates.near_end("of the broker", counters.certificate),
             ),
             database=Link(not trouble, counters.database_returns, trouble),
         )

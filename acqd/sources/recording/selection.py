@@ -44,6 +44,8 @@ def mapped(recording: Recording, given: ChannelMap) -> Selection:
     """The channels that the user names. Raises InputError."""
     columns = given.columns or {}
     names = [channel.name for channel in recording.channels]
+    for column in columns.values():  # a channel that is not there comes before one that nobody has named
+        position(recording.path, names, column, recording.noun)
     lines = [key for key in columns if key in LINES]
     if lines:
         return _mapped_lines(recording, columns, lines, names)

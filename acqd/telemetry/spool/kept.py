@@ -1,4 +1,8 @@
-"""Segments whose rows are delivered, kept for a while: a sink whose database is put back wants them again (ADR 29)."""
+"""Segments whose rows are delivered, kept for a while: a sink whose database is put back wants them again (ADR 29).
+
+Then they are deleted. Where the disk does not let them go, that is tried again: their rows would be sent once more
+after the next start, and their bytes would stay.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +15,7 @@ from pathlib import Path
 from acqd.telemetry.spool.segment import KEPT, SUFFIX, Segment
 
 _log = logging.getLogger(__name__)
+_RETRY_S = 1.0
 
 
 class KeptSegments:
@@ -21,6 +26,8 @@ class KeptSegments:
         self._keep_s = keep_s
         self._segments: deque[tuple[float, Segment]] = deque()
         self.bytes = 0
+        self._undeleted: list[Segment] = []
+        self._retry_at = 0.0
 
     def add(self, segment: Segment) -> bool:
         """Keep a delivered segment; False where it is to be deleted instead."""
@@ -41,8 +48,17 @@ class KeptSegments:
     def expire(self, most_bytes: int) -> None:
         """Delete those that are past their time, and the oldest while all together are larger than `most_bytes`."""
         now = time.monotonic()
+        if self._undeleted and now >= self._retry_at:
+            self._retry_at = now + _RETRY_S
+            self._undeleted = [segment for segment in self._undeleted if _refusal(segment)]
         while self._segments and (now - self._segments[0][0] >= self._keep_s or self.bytes > most_bytes):
             self._delete_oldest()
+
+    def delete(self, segment: Segment) -> None:
+        """Delete a segment, kept or not, now or as soon as the disk lets it go."""
+        if why := _refusal(segment):
+            _log.error("spool: %s cannot be deleted: %s; trying again", segment.path, why)
+            self._undeleted.append(segment)
 
     def clear(self) -> None:
         """Delete all: the disk is full."""
@@ -71,12 +87,13 @@ class KeptSegments:
     def _delete_oldest(self) -> None:
         _, segment = self._segments.popleft()
         self.bytes -= segment.size
-        unlink(segment)
+        self.delete(segment)
 
 
-def unlink(segment: Segment) -> None:
-    """Delete a segment; a disk that does not let it is a line in the log."""
+def _refusal(segment: Segment) -> str:
+    """Delete a segment; why the disk does not let it go, else empty."""
     try:
         segment.delete()
     except OSError as error:
-        _log.error("spool: %s cannot be deleted: %s", segment.path, error.strerror)
+        return error.strerror or str(error)
+    return ""

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from acqd.errors import UserError
 from acqd.retry import Backoff
-from acqd.telemetry.spool.kept import KeptSegments, unlink
+from acqd.telemetry.spool.kept import KeptSegments
 from acqd.telemetry.spool.reserve import Reserve
 from acqd.telemetry.spool.segment import DAMAGED, KEPT, SUFFIX, Segment, number_of
 from acqd.uptime import Moment
@@ -109,7 +109,7 @@ class SegmentLog:
     def delete(self, segment: Segment) -> None:
         """Remove a segment."""
         self._forget(segment)
-        unlink(segment)
+        self._kept.delete(segment)
 
     def delete_if_done(self, segment: Segment) -> None:
         """Remove a segment of which no row waits; the newest one stays, for it holds the energy registers."""
@@ -120,7 +120,7 @@ class SegmentLog:
         else:
             self._forget(segment)
             if self._full or not self._kept.add(segment):
-                unlink(segment)
+                self._kept.delete(segment)
             self.expire()
 
     def expire(self) -> None:

@@ -18,6 +18,7 @@ from acqd.retry import Backoff
 from acqd.telemetry.ranges import Ranges
 from acqd.telemetry.spool.log import SegmentLog
 from acqd.telemetry.spool.reading import read_rows
+from acqd.telemetry.spool.recalls import Recalls
 from acqd.telemetry.spool.record import Readings, Stream, energy_record, registers_record, row_record
 from acqd.telemetry.spool.segment import START, Segment
 from acqd.uptime import Moment, moment
@@ -77,6 +78,7 @@ class Spool:
             reserve_bytes=min(self.limits.memory_bytes, self.max_bytes) + 2 * segment_bytes,
             keep_s=self.limits.keep_s,
         )
+        self._recalls = Recalls(folder)
         self.unconfirmed = self._log.unconfirmed
         self.accepted = self.dropped = self.damaged_bytes = 0
         self._readings: dict[str, Readings] = {}
@@ -192,8 +194,13 @@ class Spool:
             return True
         return False
 
-    def recall(self) -> int:
-        """Rows that are delivered and still kept wait again, for a sink that has lost them; how many."""
+    def recall(self, sink: str = "", event: str = "") -> int:
+        """Rows that are delivered and still kept wait again, for a sink that has lost them; how many.
+
+        Where the sink names the event, once for it, also across starts.
+        """
+        if event and not self._recalls.note(sink, event):
+            return 0
         before = len(self)
         self._log.recall()
         return len(self) - before

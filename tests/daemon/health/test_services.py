@@ -15,6 +15,7 @@ from acqd.daemon.health.sink import SinkHealth
 from acqd.daemon.health.snapshot import Delivery, FeedHealth, Link, SourceLink
 from acqd.daemon.health.verdict import verdict
 from acqd.storage.sink import SinkCounters
+from acqd.telemetry.certificates import Validity
 from tests.commands import start
 from tests.waiting import LIMIT_S, wait_for
 
@@ -71,12 +72,14 @@ def test_a_sink_whose_database_is_away_is_alive_and_not_ready(clock):
 
 
 def test_the_certificate_that_the_broker_has_shown_is_a_problem_before_it_ends(clock):
-    soon = datetime.now(UTC) + timedelta(days=5.1)
-    sink = SimpleNamespace(connected=True, counters=SinkCounters(certificate_ends=soon))
+    now = datetime.now(UTC)
+    soon = now + timedelta(days=5.1)
+    sink = SimpleNamespace(connected=True, counters=SinkCounters(certificate=Validity(soon, now - timedelta(days=700))))
     expected = [f"certificate of the broker ends in 5 days, on {soon:%Y-%m-%d}"]
     assert verdict(SinkHealth(OFF, sink, "s1").snapshot()).problems == expected
-    sink.counters.certificate_ends = soon + timedelta(days=300)
-    assert verdict(SinkHealth(OFF, sink, "s1").snapshot()).ready
+    for valid in (Validity(now + timedelta(days=305), now), Validity(soon, now - timedelta(days=1))):  # of 6 days
+        sink.counters.certificate = valid
+        assert verdict(SinkHealth(OFF, sink, "s1").snapshot()).ready
 
 
 def test_systemd_hears_of_the_real_daemon(tmp_path, monkeypatch):

@@ -39,6 +39,12 @@ def test_the_power_is_that_of_the_wattmeters_and_rows_are_flagged(tmp_path, name
     assert total[-1] == pytest.approx(POWER, rel=1e-3) and all("derived" in row["flags"] for row in rows)
 
 
+@pytest.mark.parametrize("names", [{"u1": "Nosuch"}, {"u1": "VAB", "i1": "Nosuch"}, {"u12": "VAB", "u23": "Nosuch"}])
+def test_a_channel_of_the_map_that_is_not_there_is_named(tmp_path, names):
+    with pytest.raises(InputError, match="has no column 'Nosuch'; columns are 0=time"):
+        load_waveform(write(tmp_path / "a.csv", ("VAB", "VBC", "VCA")), ChannelMap(names))
+
+
 def test_currents_in_a_neutral_and_open_loops_are_refused(tmp_path):
     shifted = I + 0.5
     with pytest.raises(InputError, match="power needs the voltages to neutral"):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import json
 import math
 import shutil
 import signal
@@ -122,6 +124,52 @@ def test_delivered_rows_are_kept_for_a_while_and_wait_again_when_they_are_recall
     again.append(window(4_000, 25_000))
     again.append(window(4_001, 25_000))
     assert not list(tmp_path.glob("*.kept"))
+
+
+def test_rows_are_recalled_once_for_each_event_of_a_sink_also_after_a_restart(tmp_path):
+    def waiting_after(*events):
+        spool = Spool(tmp_path, Limits(keep_s=1000.0))
+        found = []
+        for event in events:
+            found.append(spool.recall(*event))
+            for stream in STREAMS:
+                spool.remove(stream, 0, 9)
+        spool.close()
+        return found
+
+    spool = Spool(tmp_path, Limits(keep_s=1000.0))
+    spool.append(window(0))
+    spool.close()
+    few = len(STREAMS)
+    assert waiting_after(("s", "1"), ("s", "1"), ("t", "1"), ("s", "2")) == [0, 0, few, few]
+    assert waiting_after(("s", "2"), ("t", "1"), ("s", "1"), ("", "")) == [0, 0, few, few]
+    for content in (b"", b"[1]", b'{"s":', b"\xff"):  # what cannot be read costs no more than rows that come twice
+        (tmp_path / "recalls.json").write_bytes(content)
+        assert waiting_after(("s", "2"), ("s", "2")) == [few, 0]
+    spool = Spool(tmp_path)
+    for k in range(100):
+        spool.recall(f"{k}", "1")
+    spool.close()
+    assert len(json.loads((tmp_path / "recalls.json").read_text())) == 64
+
+
+@pytest.mark.parametrize("keep_s", [0.0, 1e-9])
+def test_a_delivered_segment_that_the_disk_does_not_let_go_is_deleted_later(tmp_path, keep_s, monkeypatch, caplog):
+    spool = Spool(tmp_path, Limits(max_bytes=400_000, keep_s=keep_s))
+    monkeypatch.setattr("acqd.telemetry.spool.kept._RETRY_S", 0.0)
+    with mock.patch.object(Path, "unlink", side_effect=OSError(errno.EPERM, "Operation not permitted")):
+        for k in range(300):
+            spool.append(window(k))
+            for stream in STREAMS:
+                spool.remove(stream, k, k)
+        left = set(tmp_path.glob("0*"))
+        assert len(left) > 1 and caplog.text.count("cannot be deleted: Operation not permitted") == len(left) - 1
+    for k in range(300, 600):
+        spool.append(window(k))
+        for stream in STREAMS:
+            spool.remove(stream, k, k)
+    assert not left & set(tmp_path.glob("0*"))
+    spool.close()
 
 
 def test_registers_belong_to_devices_and_those_of_an_older_spool_to_the_only_one(tmp_path):
