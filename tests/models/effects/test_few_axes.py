@@ -96,7 +96,7 @@ IMPOSSIBLE = {
     "mechanical_power": {"lost share": 3.44, "share": -2.71, "share lost beside the motor": 3.44},
     "meter_gain": {"gain error": -1.2},
     "meter_saturation": {"share lost above": 2.0},
-    "mounting": {"gravity x": 25.0, "gravity z": -25.0},
+    "mounting": {"gravity x": 35.0, "gravity z": -35.0},
     "offset_shift": {"power": -60.0},
     "payload": {"mass": 120.0},
     "process_load": {"power": -5.0},
