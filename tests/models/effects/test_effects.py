@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from acqd.models.effects import library
-from acqd.models.effects.effect import effect_rows_at
+from acqd.models.effects.effect import effect_rows, effect_rows_at
 from acqd.models.effects.scene import scene_of, segment_scene
 from acqd.models.effects.substeps import SUBSTEPS, substep_motion
 from acqd.models.greybox.model import GreyBox
@@ -98,6 +98,11 @@ def test_a_ceiling_is_within_the_bounds_also_where_the_masses_of_the_model_are_t
     scene = segment_scene(model, recording(model, 2, seed=9))
     (turned,) = [place for place in library()["mounting"].places(scene) if len(place.parameters) == 3]
     assert all(each.high > 1.2 * 2 * 9.81 for each in turned.parameters)
+
+
+def test_power_does_not_show_the_zero_of_a_vertical_axis(model):
+    rows = effect_rows(library()["joint_zero"], segment_scene(model, recording(model, 2, seed=9)))
+    assert np.abs(rows[:, 0]).max() < 1e-4 < 1.0 < np.abs(rows[:, 1]).max()
 
 
 def test_a_joint_that_stands_elsewhere_takes_what_a_model_takes_there(model):

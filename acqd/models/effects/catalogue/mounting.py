@@ -19,6 +19,8 @@ _TILT, _TURNED = 0.05, 0.5
 """Prior deviations over gravity: 3 degrees of a floor or a pedestal; a robot on a wall or under a ceiling."""
 _MOST = 3.0
 """Over gravity: from upright to hanging it changes by 2; the masses of the model may be too small."""
+_FELT = 1e-6
+"""Of the largest torque: rounding. One joint feels nothing of gravity along its axis."""
 
 
 class Mounting(Effect):
@@ -44,13 +46,14 @@ class Mounting(Effect):
         return np.asarray(np.tensordot(coefficients, _torques(scene)[list(columns)], 1))
 
     def places(self, scene: Scene) -> Iterator[Place]:
-        """The base: tilted by a few degrees, or turned over."""
-        for where, axes, usual in (("base, tilted", "xy", _TILT), ("base, turned", "xyz", _TURNED)):
-            own = (
-                Parameter(f"gravity {axis}", "m/s^2", -_MOST * GRAVITY, _MOST * GRAVITY, usual * GRAVITY)
-                for axis in axes
-            )
-            yield Place(where, tuple(range(len(axes))), tuple(own))
+        """The base: tilted by a few degrees, or turned over; along the axes that some joint feels."""
+        sizes, most = np.abs(_torques(scene)).max(axis=(1, 2)), _MOST * GRAVITY
+        felt = sizes > _FELT * sizes.max()
+        for where, axes, usual in (("base, tilted", (0, 1), _TILT), ("base, turned", (0, 1, 2), _TURNED)):
+            own = tuple(axis for axis in axes if felt[axis])
+            named = (Parameter(f"gravity {'xyz'[axis]}", "m/s^2", -most, most, usual * GRAVITY) for axis in own)
+            if own:
+                yield Place(where, own, tuple(named))
 
 
 def _torques(scene: Scene) -> Floats:
