@@ -74,9 +74,13 @@ class Reported:
 
     @property
     def may_be_nothing(self) -> bool:
-        """Whether all intervals of an effect hold zero; never for what shifts of whole recordings show."""
-        intervals = [each["ci95"] for each in self.term.parameters.values() if each["ci95"] is not None]
-        return self.hypothesis is not None and bool(intervals) and all(low <= 0.0 <= high for low, high in intervals)
+        """Whether all intervals of sizes hold zero; never for what shifts of whole recordings show.
+
+        The interval of a shape says nothing: a power from which clipping begins is never zero.
+        """
+        sizes = [each["ci95"] for name, each in self.term.parameters.items() if name not in self.term.shape]
+        known = [ends for ends in sizes if ends is not None]
+        return self.hypothesis is not None and bool(known) and all(low <= 0.0 <= high for low, high in known)
 
     @property
     def key(self) -> str:

@@ -130,11 +130,6 @@ class Selected:
         """Identity of the hypothesis; owner of its columns in a regression."""
         return self.finding.candidate.key
 
-    @property
-    def net(self) -> float:
-        """Evidence above the margin."""
-        return self.finding.evidence - self.hypothesis.margin
-
     def columns(self) -> list[Column]:
         """Columns of the effect for a regression: one per parameter."""
         return [Column(int(index), self.gate.open, owner=self.key) for index in self.finding.candidate.indices]

@@ -22,6 +22,10 @@ from tests.builders import grey, recording
 from tests.discrepancy.report.subjects import found
 
 CERTAIN = found("coulomb_friction", {"torque": (0.9, 0.5)})
+CLIPPED = found(
+    "regeneration_clipping", {"share": (0.7, 3.5), "above_W": (50.0, 10.0)}, {"above_W": 50.0}, "DC link", "-"
+)
+"""A share from minus 3 to 4 beyond a power that is certain."""
 
 
 @pytest.mark.parametrize(
@@ -33,6 +37,7 @@ CERTAIN = found("coulomb_friction", {"torque": (0.9, 0.5)})
             found("mechanical_power", {"share": (0.067, 0.07)}, where="joint 6", unit="-"),
             "a size whose 95 % interval excludes zero",
         ),
+        (CLIPPED, "a size whose 95 % interval excludes zero"),
         (replace(CERTAIN, family_confidence=0.43), "a confidence of 85% (the effect has 43%)"),
         (replace(CERTAIN, confidence=0.53), ""),  # the family is sure
         (
