@@ -1,8 +1,8 @@
 """Samples as fewer bytes, and back to the last bit.
 
-FLAC (RFC 9639) through libsndfile: linear prediction per channel and Rice codes. 16-bit codes of converters are made
-for it; wider integers fit as long as they have 24 bits. Anything else is sorted by significance of its bytes and
-deflated. ADR 39 has the measurement that chose this.
+FLAC (RFC 9639): linear prediction per channel and Rice codes, written by libsndfile and read by C (`flac.c`). It suits
+16-bit codes of converters; wider integers fit as long as they have 24 bits. Anything else is sorted by significance of
+its bytes and deflated. ADR 39 has the measurement that chose this, ADR 75 says why the reader is in C.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ def _unflac(coding: str, data: bytes, samples: int, channels: int) -> Codes:
 
 
 def _unflac_by_libsndfile(coding: str, data: bytes) -> Codes:
-    """The same of any FLAC stream: the reference, and what says why a stream is none."""
+    """The same of any FLAC stream: the reference, and the reader that says what is wrong with a stream."""
     with soundfile.SoundFile(io.BytesIO(data)) as file:
         if coding == FLAC24:
             return np.asarray(file.read(dtype="int32", always_2d=True) >> 8)

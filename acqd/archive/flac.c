@@ -1,6 +1,6 @@
-/* Samples out of a FLAC stream (RFC 9639), as libFLAC writes one: several times as fast as through a library that can
-   do everything. Whatever else a stream may hold ends the call, and the caller asks that library. Checksums of frames
-   are not looked at: the records of an archive have their own. */
+/* Samples out of a FLAC stream (RFC 9639), as libFLAC writes one for the archive: less work than through a library that
+   can do everything. Whatever else a stream may hold ends the call, and the caller asks that library. Checksums of
+   frames are not computed: each record of an archive has one, which is checked before. */
 
 #include <stdint.h>
 #include <stdlib.h>
@@ -11,7 +11,7 @@
 #define MOST_ORDER 32
 #define LARGEST_QUOTIENT (1 << 25)
 
-/* The next `count` bits are the upper ones of `held`. */
+/* The next `count` bits are the upper ones of `held`; below them may be bits of the byte at `next`. */
 struct bits {
     const uint8_t *next, *end;
     uint64_t held;
@@ -199,7 +199,8 @@ static void subframe(struct bits *b, int32_t *x, int size, int width)
             x[n] = (int32_t)((uint32_t)x[n] << wasted);
 }
 
-/* The head of a frame: its samples; 0 for one that does not fit the stream, or a stereo one. */
+/* The head of a frame: its samples; 0 for one of other channels (two that are predicted from each other, too), or that
+   does not state its width: libFLAC states 16 and 24 bits. */
 static int frame_of(struct bits *b, int64_t channels, int width)
 {
     static const int widths[8] = {0, 8, 12, 0, 16, 20, 24, 32};
@@ -208,7 +209,7 @@ static int frame_of(struct bits *b, int64_t channels, int width)
     take(b, 1);
     const int sizes = (int)take(b, 4), rates = (int)take(b, 4), assigned = (int)take(b, 4), stated = (int)take(b, 3);
     take(b, 1);
-    if (assigned + 1 != channels || (stated && widths[stated] != width))
+    if (assigned + 1 != channels || widths[stated] != width)
         return 0;
     const uint32_t first = take(b, 8);
     for (uint32_t more = first << 1; first & 0x80 && more & 0x80; more <<= 1)

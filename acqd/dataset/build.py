@@ -14,7 +14,7 @@ from acqd.dataset.cut import AUTO, automatic_length, cut, cut_at_rests
 from acqd.dataset.growing import Existing, existing
 from acqd.dataset.log_files import Logs, read_logs, uncommon_columns
 from acqd.dataset.log_power import LOG, log_power, require_drawn, small_power, some_power
-from acqd.dataset.merge import merge
+from acqd.dataset.merge import Recording, merge
 from acqd.dataset.merged_log import Batch, MergedLog
 from acqd.dataset.motion_notes import end_notes
 from acqd.dataset.placement import Alignment, given, place
@@ -22,7 +22,7 @@ from acqd.dataset.power import PowerStream, open_power, require_fast
 from acqd.dataset.power_values import large_power
 from acqd.dataset.regressors import Regressors, regressors_of
 from acqd.dataset.report import report_writer
-from acqd.dataset.unaligned import clock_doubts
+from acqd.dataset.unaligned import clock_doubts, pair_of
 from acqd.dataset.write import write_dataset
 from acqd.errors import InputError, UserError
 from acqd.report.chain import REPORT, connect
@@ -84,9 +84,8 @@ def build(config: BuildConfig, progress: _Progress) -> BuildReport:
     _require_placements(alignment, [fault.text for log in logs.kept if (fault := log.quality.fault)])
     merged = _merge_all(config, logs.kept, powers, alignment)
     recordings = [each.recording for each in merged if each.recording]
-    aligned = stream is not None and config.lag_s is None
     # power of another time fits no order of the axes
-    doubts = [] if aligned else clock_doubts(recordings, robot, config.step_s)
+    doubts = _clock_doubts(config, robot, logs.kept, stream, recordings)
     logs.notes += doubts or judge_recordings(recordings, robot, by_torque)
     logs.notes += end_notes(recordings, config.step_s)
     logs.notes += alignment.notes
@@ -98,6 +97,21 @@ def build(config: BuildConfig, progress: _Progress) -> BuildReport:
     page = REPORT if report.version == 1 else f"report-{report.version}.html"
     connect(config.out / page, [Path(config.power.removeprefix(_SQLITE)).parent / REPORT, config.out / REPORT])
     return report
+
+
+def _clock_doubts(
+    config: BuildConfig, robot: RobotDescription, logs: list[RobotLog], stream: PowerStream | None,
+    recordings: list[Recording],
+) -> list[str]:  # fmt: skip
+    """A line where power and motion that were not aligned do not belong together in time."""
+    if stream is None:
+        pairs = [pair_of(each, robot, config.step_s) for each in recordings]
+        given_s = config.lag_s or 0.0
+        return clock_doubts(pairs, robot, lambda beyond_s: f"give --lag {given_s + beyond_s:.3f}")
+    if config.lag_s is None:
+        return []
+    pairs = [(log, stream) for log in logs]
+    return clock_doubts(pairs, robot, lambda lag_s: f"leave out --lag, or give --lag {lag_s:.3f}", config.lag_s)
 
 
 def _require_alike(log: RobotLog, unlike: dict[Path, str]) -> None:

@@ -11,7 +11,8 @@ from acqd.dataset.power import PowerStream
 from acqd.dataset.regressors import STEP_S, Regressors
 from acqd.dataset.supply_lag import USUAL_LAG_S
 
-_WIDER_S = 120.0
+WIDER_S = 120.0
+"""Farther away than the range of a search: where a lag is looked for next."""
 _NEIGHBOURS = 5  # recordings before and after
 _NO_LAG = Lag(0.0, 0.0, 1.0)
 
@@ -43,7 +44,7 @@ def _coarse(regressors: Regressors, power: PowerStream, earlier: list[float], se
     best = _NO_LAG
     # the last few only: clocks drift
     near = [(float(np.median(earlier[-_NEIGHBOURS:])), SEARCH_S)] if earlier else []
-    for centre, half in [*near, (0.0, search_s), (0.0, search_s + _WIDER_S), whole_stream]:
+    for centre, half in [*near, (0.0, search_s), (0.0, search_s + WIDER_S), whole_stream]:
         lag = coarse_search(regressors, power, 0.0, centre, half)
         if lag is not None and lag.r2 > best.r2:
             best = lag

@@ -82,6 +82,11 @@ class PowerStream:
     coarse: bool = False
     """Whether most rows were made between measured ones, so that fast changes are lost."""
 
+    @property
+    def fast(self) -> bool:
+        """Whether the rows are close enough to be aligned with a motion."""
+        return self.window_ns * 1e-9 <= _SLOWEST_S
+
     def part(self, begin_ns: int, end_ns: int) -> slice:
         """Rows whose windows start from `begin_ns` up to, not including, `end_ns`."""
         first, last = np.searchsorted(self.time_ns, (begin_ns, end_ns))
@@ -262,12 +267,11 @@ def _packets(steps: Floats, usual_s: float) -> bool:
 
 def require_fast(power: PowerStream) -> None:
     """Raises InputError for rows that are too far apart to be aligned with a motion."""
-    step_s = power.window_ns * 1e-9
-    if step_s > _SLOWEST_S:
+    if not power.fast:
         raise InputError(
             power.origin,
-            f"has a row every {step_s:.3g} s, expected one every {_SLOWEST_S} s or faster: no lag can be read from "
-            "it; record faster, or give the lag if it is known (--lag)",
+            f"has a row every {power.window_ns * 1e-9:.3g} s, expected one every {_SLOWEST_S} s or faster: no lag can "
+            "be read from it; record faster, or give the lag if it is known (--lag)",
         )
 
 

@@ -25,7 +25,7 @@ from acqd.dataset.power_values import no_value_note, no_values
 from acqd.dataset.schema import TIME, UTC_NS, read_columns, recording_table, unit_of
 from acqd.dataset.split import with_split
 from acqd.dataset.table_motion import require_power, trusted_motion, without_unusable
-from acqd.dataset.unaligned import clock_doubts
+from acqd.dataset.unaligned import clock_doubts, pair_of
 from acqd.errors import UserError
 from acqd.robot.description import RobotDescription, load_description
 from acqd.robot.labels import from_cells
@@ -36,6 +36,7 @@ from acqd.robot.motion_quality import MotionQuality
 RECORDING = "recording"
 _IGNORED = (RECORDING, TIME, "split", "valid", "context")
 _STEP_ERROR = 0.02  # of a step, by which a row may be early or late
+_CLOCK_REMEDY = "shift the power by that, or let acqd dataset build align logs and power"
 _NAME = re.compile(r"[\w.+-]{1,120}")
 
 
@@ -86,7 +87,8 @@ def write_table(table: pa.Table, out: Path, robot: str, measured: Measured, seed
         raise UserError("the table has no valid rows")
     require_power(P, valid, step_s * 1e9, description)
     notes += _motion_notes(recordings, description.axes, step_s)
-    doubts = clock_doubts(recordings, description, step_s)
+    pairs = [pair_of(each, description, step_s) for each in recordings]
+    doubts = clock_doubts(pairs, description, lambda _: _CLOCK_REMEDY)
     notes += doubts + judge_table(recordings, description, by_power=not doubts)
     entries = [
         _entry(recording, part, step_s) | {"motion": quality.as_json() | {"unknown_ends": recording.unknown_ends}}

@@ -36,6 +36,8 @@ class Closed:
     verdict: Verdict
     ability: Ability
     """What these recordings could tell."""
+    mistimed: bool
+    """Whether power and motion are of different times, so that no cause has a name."""
     stages: frozenset[Stage]
     """Stages that ran."""
     notes: list[str]

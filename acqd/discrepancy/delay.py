@@ -67,7 +67,7 @@ def find_delay(scenes: Iterable[Scene], segments: list[Segment]) -> Delay | None
         return None
     origin = float(t.min())
     middle = float(np.median(delays))
-    spread = mad_sigma(delays, middle) + 1e-4
+    spread = _spread(delays)
     rate, offset, rate_error = _line(t - origin, delays)
     left = _about_line(delays - offset - rate * (t - origin)) + 1e-4
     span = float(np.ptp(t))
@@ -77,9 +77,7 @@ def find_delay(scenes: Iterable[Scene], segments: list[Segment]) -> Delay | None
     ):
         return Delay(offset, rate, origin, left / np.sqrt(len(t)), rate_error, single)
     error = spread / np.sqrt(len(t))
-    if abs(middle) > THRESHOLDS.delay_smallest_s and _gain(len(t), np.hypot(spread, middle), spread) > by_chance(
-        _KINDS
-    ):
+    if abs(middle) > THRESHOLDS.delay_smallest_s and agreed(delays):
         return Delay(middle, 0.0, origin, error, 0.0, single)
     return None
 
@@ -111,6 +109,16 @@ def corrected(segment: Segment, delay: Delay, step_s: float) -> Segment:
     """The segment with its power shifted to the motion."""
     t: Floats = segment.start_s + step_s * np.arange(len(segment.P), dtype=np.float64)
     return replace(segment, P=np.interp(t + delay.at(t), t, segment.P))
+
+
+def agreed(delays: Floats) -> bool:
+    """Whether the delays [recordings] s of recordings scatter about one that is not zero."""
+    spread = _spread(delays)
+    return _gain(len(delays), np.hypot(spread, np.median(delays)), spread) > by_chance(_KINDS)
+
+
+def _spread(delays: Floats) -> float:
+    return mad_sigma(delays) + 1e-4
 
 
 def _gain(count: int, before_s: float, after_s: float) -> float:

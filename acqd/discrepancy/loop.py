@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from acqd.discrepancy.ability.ability import Ability
+from acqd.discrepancy.another_time import another_time
 from acqd.discrepancy.averaging import with_like_means
 from acqd.discrepancy.closed import Closed
 from acqd.discrepancy.config import CloseConfig
@@ -37,12 +38,16 @@ from acqd.residual.residuals import errors_of
 def close_loop(config: CloseConfig, progress: Progress) -> Closed:
     """Find effects, add them, measure the error. Raises UserError, InputError."""
     progress = _releasing(progress)
-    subject, of_meters = with_like_means(subject_of(config, progress))
+    subject = subject_of(config, progress)
+    mistimed = another_time(subject)
+    subject, of_meters = with_like_means(subject)
     errors_before = errors_of(subject.model, subject.held_out)
     floor_W, floor_source = noise_floor([*subject.fit, *subject.held_out], subject.data.step_s)
     usual = UsualError.of(subject, floor_W)
     delay, selection = search(config, subject, progress)
     effects = named_effects(subject, selection, delay, progress)
+    if mistimed:  # every effect explains a part of such an error
+        effects = [each.without_name("refused", "power of the time of the motion") for each in effects]
     doubts = [each.doubt for each in effects if each.doubt is not None]
     if doubts and selection.unknown is None:
         selection = replace(selection, unknown=doubts[0])
@@ -54,6 +59,8 @@ def close_loop(config: CloseConfig, progress: Progress) -> Closed:
     )  # fmt: skip
     trial = tried(subject, selection, improved, predictive, config.seed)
     verdict, remarks = settled(subject, selection, improved, errors_before, usual, trial)
+    if mistimed:
+        verdict, remarks = "not_identifiable", [mistimed]
     if selection.unknown is not None and verdict in ("unknown_structure", "effects_found"):
         progress("correcting the model", 0.0)
         improved, reasons = corrected(subject, selection, improved, usual, trial)
@@ -77,11 +84,11 @@ def close_loop(config: CloseConfig, progress: Progress) -> Closed:
     return Closed(
         ability=ability, subject=subject, selection=selection, improved=improved, before=quality(errors_before),
         after=after, errors_before=errors_before, floor_W=floor_W, floor_source=floor_source,
-        reference_rmse=usual.reference_rms,
+        reference_rmse=usual.reference_rms, mistimed=bool(mistimed),
         joints=joint_level(selection.witness, subject.chosen), verdict=verdict, stages=stages_of(subject, selection),
         notes=[
-            *subject.notes, *unused_efforts(subject), *warnings, *remarks, *not_added(improved),
-            *(scale_notes(subject) if effects else []),
+            *subject.notes, *unused_efforts(subject), *warnings, *not_added(improved),
+            *(scale_notes(subject) if effects else []), *remarks,
         ],
         warnings=warnings, largely_unexplained=bool(unexplained),
     )  # fmt: skip

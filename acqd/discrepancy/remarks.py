@@ -16,7 +16,7 @@ from acqd.residual.logged_torque import side_of
 from acqd.residual.residuals import explained_share, rms
 from acqd.threshold import Stage
 
-_MOST = 0.5
+MOST = 0.5
 """Share from which on something explains more than all the rest together."""
 
 
@@ -66,7 +66,7 @@ def largely_unexplained(
     most = max(rms(errors_before) ** 2 - usual.lowest_W**2, 1e-12)
     share = explained_share(errors_before, improved.errors, usual.lowest_W)
     share += sum(_timed_squares(selection, each) for each in improved.named) / most
-    if share >= _MOST:
+    if share >= MOST:
         return []
     sizes = f"{rms(improved.errors):.2f} W remain on held-out recordings, {usual.lowest_W:.2f} W in the reference"
     explained = f"what has a name explains {max(share, 0.0):.0%} of what the squared error has grown by"

@@ -10,6 +10,7 @@ import numpy as np
 import orjson
 
 from acqd.arrays import Floats
+from acqd.discrepancy.another_time import another_time
 from acqd.discrepancy.averaging import with_like_means
 from acqd.discrepancy.beforehand import PLANNED
 from acqd.discrepancy.causes.belief import shipped
@@ -95,7 +96,10 @@ def question_of(report: Path, asked: tuple[str, ...], progress: Progress) -> Que
         raise InputError(file, "is no report of acqd close-loop, or an older one; run acqd close-loop again") from None
     if all_named and not asked:
         _require_motion_helps(report, doubted)
-    subject, _ = with_like_means(subject_of(config, progress))
+    whole = subject_of(config, progress)
+    if mistimed := another_time(whole):
+        raise UserError(f"{config.dataset}: {mistimed}")
+    subject, _ = with_like_means(whole)
     if not subject.reference:
         raise UserError(
             f"{report}: the loop had no reference to compare with; close the loop on later recordings first"

@@ -34,7 +34,7 @@ class Bent:
         swinging = min(_TIMES * self._usual, _SWINGING)
         self.now = kink > max(_LEAST, growth, swinging, _TIMES * self._usual_growth)
         if kink == kink:
-            if self._known < _MANY:
+            if self._known < _MANY:  # here and below `min`, without calls: this is done for every window
                 self._known += 1
             self._usual += ((kink if kink < _MOST else _MOST) - self._usual) / self._known
             self._usual_growth += ((growth if growth < _MOST else _MOST) - self._usual_growth) / self._known

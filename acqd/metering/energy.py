@@ -75,7 +75,7 @@ class EnergyRegister:
         self._imported, self._exported = (
             [round(Fraction(pair[k]) / unit) for pair, unit in zip(begin, self._unit, strict=True)] for k in (0, 1)
         )
-        self._readings = self._read()
+        self._readings = self._read()  # kept: a window changes a reading or two
         self._direction = [0.0] * len(begin)  # of each phase in the last whole window, by its sign
         self._deferred: list[int] = []  # counts of parts of windows against that direction; empty: none
 
@@ -181,8 +181,8 @@ class EnergyRegister:
 
     def reading(self) -> list[tuple[float, float]]:
         """Each phase's (imported, exported) [kWh] now."""
-        imported, exported = map(mul, self._imported, self._per_step), map(mul, self._exported, self._per_step)
-        return list(zip(imported, exported, strict=True))
+        phases = len(self._per_step)
+        return list(zip(self._readings[:phases], self._readings[phases:], strict=True))
 
     def _read(self) -> list[float]:
         """Imported readings of all phases, then the exported ones [kWh]."""

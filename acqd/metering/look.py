@@ -35,7 +35,7 @@ class Look(NamedTuple):
 
 
 class Looker:
-    """Looks at samples of one stream, one call after the other; one in each thread."""
+    """Looks at samples of one stream. Not for two threads at once: C writes every result to the same place."""
 
     def __init__(self, channels: int, cycle: int) -> None:
         """`cycle` samples are a cycle."""
@@ -47,7 +47,8 @@ class Looker:
     def at(self, codes: Codes) -> Look:
         """At samples [samples, channels], at least one. In C where there is a compiler."""
         bits = _BITS.get(codes.dtype)
-        if self._library is None or bits is None or not codes.flags.c_contiguous:
+        fits = bits is not None and codes.flags.c_contiguous and codes.shape[1] == self._channels
+        if self._library is None or not fits:
             return look_by_numpy(codes, self._cycle)
         self._library.acqd_look(codes.ctypes.data, bits, self._channels, len(codes), self._cycle, self._out_at)
         return Look._make(self._out.tolist())

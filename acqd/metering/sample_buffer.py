@@ -54,8 +54,8 @@ class SampleBuffer:
         if begin + count > len(self.codes) or codes.dtype != self.codes.dtype:
             self._make_room(codes)
             begin = self._to
+        self.codes[begin : begin + count] = codes
         self._to = begin + count
-        self.codes[begin : self._to] = codes
 
     def forget(self, number: int) -> None:
         """Samples before `number`."""

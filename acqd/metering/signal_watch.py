@@ -76,7 +76,7 @@ class SignalWatch:
             self._next = index + (self._pause if self._flags else self._every)
         if not self._flags:
             known = self._most or [0.0] * len(shares)
-            self._most = [
+            self._most = [  # `max`, without calls: this is done for every block
                 _LONGER * now if _LONGER * now > _FORGET * usual else _FORGET * usual
                 for now, usual in zip(shares, known, strict=True)
             ]

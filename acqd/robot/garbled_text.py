@@ -33,7 +33,7 @@ def refusal(table: Table, q: Floats, faults: dict[int, str], robot: RobotDescrip
     worst = np.abs(q).max(axis=0, initial=0.0, where=np.isfinite(q))
     beyond = np.flatnonzero(worst > limits(robot))
     often = (np.abs(q) > _DEGREES).any(axis=1).mean() > _MANY  # damage makes few such rows
-    if often and (np.radians(worst) <= limits(robot)).all():
+    if often and "no number" not in text and (np.radians(worst) <= limits(robot)).all():
         axis = int(beyond[0]) if len(beyond) else int(worst.argmax())
         text = beyond_limit(robot, axis, float(worst[axis]))
         remedy = 'write radians, or angles = "deg" in [[log]] of the robot\'s description'

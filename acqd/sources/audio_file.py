@@ -49,7 +49,7 @@ def load(path: Path, given: ChannelMap) -> Recording:
         raise InputError(path, f"has {count} channels; say which are which with --map u1=0,i1=1 ...")
     if given.columns is None:
         _refuse_other_order(path, values)
-    notes += [] if exact else _beyond_full_scale(values)
+    notes += [] if exact else _beyond_full_scale(values, given)
     names = [*QUANTITIES[:count], *(f"channel {k}" for k in range(6, count))] if given.columns is None else [""] * count
     channels = [Channel(name) for name in names]
 
@@ -60,9 +60,10 @@ def load(path: Path, given: ChannelMap) -> Recording:
     return Recording(path, kind, channels, len(values), column, rate, notes=notes, noun="channel")
 
 
-def _beyond_full_scale(values: NDArray[Any]) -> list[str]:
+def _beyond_full_scale(values: NDArray[Any], given: ChannelMap) -> list[str]:
+    """What to ask where the samples of a file with floating-point numbers may be V and A."""
     largest = float(np.abs(values).max())
-    if largest <= _BEYOND:
+    if largest <= _BEYOND or given.u_scale == given.i_scale == 1.0:
         return []
     return [f"its samples reach {largest:.4g} times full scale: are they V and A? Then --u-scale 1 --i-scale 1"]
 

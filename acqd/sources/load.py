@@ -55,6 +55,7 @@ _ELSEWHERE = {
 """Files of instruments without a reader, and what to export instead."""
 _PACKED = {b"\x1f\x8b": "gzip", b"PK\x03\x04": "ZIP", b"BZh": "bzip2", b"\xfd7zXZ": "xz", b"\x28\xb5\x2f\xfd": "zstd"}
 """First bytes of compressed files."""
+_PACKED_ENDINGS = (".gz", ".zip", ".bz2", ".xz", ".zst", ".7z")
 
 
 def load_waveform(path: Path, given: ChannelMap | None = None) -> Waveform:
@@ -70,6 +71,8 @@ def load_recording(path: Path, given: ChannelMap) -> Recording:
     ending = path.suffix.lower()
     if ending in _ELSEWHERE:
         raise InputError(path, _ELSEWHERE[ending])
+    if ending in _PACKED_ENDINGS:
+        raise InputError(path, f"is compressed ({ending[1:]}); unpack it first")
     module = _LOADERS.get(ending)
     if module is None:
         known = " ".join(sorted(_LOADERS))

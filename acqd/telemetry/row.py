@@ -146,7 +146,7 @@ def rows_of(batch: WindowBatch, device: str, boot: str) -> Iterator[PowerRow]:
             flags.append(_total_flags(named) if any(flags) else [])
             V, A = [*V, effective(V)], [*A, effective(A)]
             watts, VA, kWh = [*watts, sum(watts)], [*VA, sum(VA)], [*kWh, sum(kWh)]
-        f_known = f if f == f else None  # None for NaN; as calls, these would take a sixth of the time of all
+        f_known = f if f == f else None  # None for NaN; a function for this would take a sixth of the time of all
         for channel, V_k, A_k, P_k, S_k, W_k, names in zip(channels, V, A, watts, VA, kWh, flags, strict=True):
             PF = power_factor(P_k, S_k)
             yield PowerRow(

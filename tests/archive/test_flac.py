@@ -53,6 +53,17 @@ def test_other_numbers_of_samples_or_channels_are_not_made_up():
             decode(how, data, np.dtype(np.int16), samples, channels)
 
 
+def test_a_frame_that_does_not_state_its_width_is_left_to_libsndfile(monkeypatch):
+    """The header of the stream may say another one: 16 bits would be read as 24."""
+    how, data = encode(STREAMS["walk"][:192])
+    frame = data.index(b"\xff\xf8", 4 + 4 + 34)
+    unstated = bytearray(data)
+    unstated[frame + 3] &= 0b11110001
+    monkeypatch.setattr(coding, "_unflac_by_libsndfile", lambda *_: "libsndfile")
+    assert coding._unflac(how, bytes(unstated), 192, 6) == "libsndfile"
+    assert np.array_equal(coding._unflac(how, data, 192, 6), STREAMS["walk"][:192])
+
+
 SANITISED = """
 import ctypes, random, sys
 call = ctypes.CDLL(sys.argv[1]).acqd_unflac

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from acqd.metering.integrity import clipped, flags_of
-from acqd.metering.look import look_at, look_by_numpy
+from acqd.metering.look import Looker, look_at, look_by_numpy
 from acqd.sources import load_waveform
 from tests.mains import EN50160, make_mains
 from tests.metering.transformers import secondary
@@ -109,3 +109,8 @@ def test_a_look_in_c_is_one_with_numpy(kind):
     for samples, channels, cycle in ((800, 6, 400), (801, 2, 400), (37, 4, 50), (1, 6, 1)):
         codes = random.integers(-9, 9, (samples, channels)).astype(kind)
         assert look_at(codes, cycle) == look_by_numpy(codes, cycle)
+
+
+def test_a_looker_reads_other_channels_than_its_own_without_c():
+    codes = np.arange(40, dtype=np.int16).reshape(20, 2)
+    assert Looker(6, 10).at(codes) == look_by_numpy(codes, 10)

@@ -149,3 +149,22 @@ def test_blocks_of_one_window_are_metered_like_any_other(sizes, named, gap):
             assert one.seq.tolist() == other.seq.tolist() and one.utc_ns.tolist() == other.utc_ns.tolist()
     np.testing.assert_allclose(*(meter.energy.reading() for meter in meters.values()), rtol=1e-12)
     assert meters[True].finish() == meters[False].finish()
+
+
+def test_codes_of_other_channels_than_the_stream_never_reach_c():
+    """C is given an address only: it would read beyond the samples."""
+    mains = make_mains(50.03, seconds=0.4)
+    meter = Meter(StreamFormat(20_000.0, mains.scale))
+    for k in range(0, 8_000, 800):
+        meter.feed(SampleBlock(mains.codes[k : k + 800], k, 0))
+    two_phases = np.ascontiguousarray(mains.codes[:, :4])
+    assert meter._kernel.meter_live(two_phases, 4_000, 4_800, meter.energy) is None
+    assert meter._kernel.meter_live(mains.codes, 4_000, 4_800, meter.energy) is not None
+
+
+def test_a_library_of_another_acqd_is_one_line(tmp_path, monkeypatch):
+    (tmp_path / "window.c").write_text("int acqd_windows(void) { return 0; }")
+    built = tmp_path / "window.so"
+    subprocess.run([system_compiler(), "-shared", "-fPIC", tmp_path / "window.c", "-o", built], check=True)
+    monkeypatch.setenv("ACQD_METERING", str(built))
+    assert "built from the window.c of another acqd" in why_not.__wrapped__(6)

@@ -70,3 +70,5 @@ def test_floats_far_beyond_full_scale_are_asked_about(tmp_path, largest, asked):
     soundfile.write(path, largest * np.cos(2 * np.pi * 50 * np.stack((t, t), 1)), 10_000, subtype="FLOAT")
     notes = load_waveform(path, ChannelMap(u_scale=400.0, i_scale=10.0)).notes
     assert any("times full scale: are they V and A?" in note for note in notes) == asked
+    in_volts = load_waveform(path, ChannelMap(u_scale=1.0, i_scale=1.0))
+    assert not any("times full scale" in note for note in in_volts.notes)

@@ -44,3 +44,5 @@ def test_compressed_files_are_named(tmp_path):
     path.write_bytes(gzip.compress(b"time,u1,i1\n0,1,2\n"))
     with pytest.raises(InputError, match=r"is compressed \(gzip\); unpack it first"):
         load_waveform(path)
+    with pytest.raises(InputError, match=r"is compressed \(gz\); unpack it first"):
+        load_waveform(path.rename(tmp_path / "a.csv.gz"))

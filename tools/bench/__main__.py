@@ -65,7 +65,7 @@ _SECTIONS: dict[str, list[Callable[[], Iterator[Figure]]]] = {
 
 
 def chosen(only: list[str] | None) -> list[str]:
-    """Names of sections, given one by one or with commas between them. Raises OperationError for other names."""
+    """Sections of `--only`, which may be given several times. Raises OperationError for a name that is no section."""
     names = [name.strip() for each in only or _SECTIONS for name in each.split(",")]
     for name in names:
         if name not in _SECTIONS:
@@ -74,7 +74,9 @@ def chosen(only: list[str] | None) -> list[str]:
 
 
 def bench(
-    only: Annotated[list[str] | None, typer.Option(help=f"Sections to run, a,b: {', '.join(_SECTIONS)}.")] = None,
+    only: Annotated[
+        list[str] | None, typer.Option(help=f"Sections, with commas between: {', '.join(_SECTIONS)}.")
+    ] = None,
     out: Annotated[Path, typer.Option(help="JSON file to write.")] = Path("bench.json"),
 ) -> None:
     """Measure everything, print a table and write the figures to a JSON file."""

@@ -17,9 +17,14 @@ LEAST = 0.01
 
 
 def believed(closed: Closed) -> Belief | None:
-    """Of the largest cause; None where nothing acts, and without what the calibration had: a reference, all effects."""
+    """Of the largest cause; None where nothing acts, and without what the calibration had.
+
+    That is a reference, all effects, and power of the time of the motion.
+    """
     standing = closed.selection.standing
     if standing is None or not closed.subject.reference or closed.subject.chosen != frozenset(library()):
+        return None
+    if closed.mistimed:
         return None
     belief, lead = shipped().believed(standing), leading(closed)
     if lead is None:  # no cause was found: the verdict excludes nothing only where a structure is proven

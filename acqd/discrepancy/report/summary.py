@@ -129,6 +129,8 @@ def _closest(closed: Closed) -> str:
 
 def next_steps(closed: Closed) -> list[str]:
     """What to do, most useful first."""
+    if closed.mistimed:
+        return ["build the dataset again with power and motion of the same time"]
     steps = []
     for each in closed.named:
         effect = library()[each.term.id]

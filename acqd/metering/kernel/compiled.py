@@ -31,14 +31,21 @@ def library(channels: int, instructions: InstructionSet | None = None) -> ctypes
 
 
 def load(path: Path) -> ctypes.CDLL:
-    """The library at `path`, with the types of its functions."""
+    """The library at `path`, with the types of its functions. Raises OSError for a file that is no library.
+
+    Raises OperationError for the library of another acqd.
+    """
     loaded = ctypes.CDLL(str(path))
-    loaded.acqd_windows.restype = ctypes.c_int64
+    try:
+        one, quiet, undo = loaded.acqd_window, loaded.acqd_quiet, loaded.acqd_undo
+    except AttributeError as error:
+        raise OperationError(f"{path}: built from the window.c of another acqd ({error}); build it again") from None
     pointer = ctypes.c_void_p
+    loaded.acqd_windows.restype = ctypes.c_int64
     loaded.acqd_windows.argtypes = [*[pointer] * 5, ctypes.c_int64, pointer]
-    # of a `c_void_p`; arguments with declared types are converted, which takes longer than the rest of the call
-    loaded.acqd_window.restype = loaded.acqd_quiet.restype = ctypes.c_int64
-    loaded.acqd_undo.restype = None
+    # These take a `c_void_p`. Declared types would be converted at each call, which takes longer than all else in it.
+    one.restype = quiet.restype = ctypes.c_int64
+    undo.restype = None
     return loaded
 
 

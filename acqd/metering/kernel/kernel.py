@@ -111,12 +111,12 @@ class Kernel:
         self._live = Live(form=form_at, state=state_at, table=table_at, out=self._one.ctypes.data)
         self._live_at = ctypes.c_void_p(ctypes.addressof(self._live))
         self._buffer: Codes | None = None  # that `_live` has the address of
-        self._fits = False  # the buffer's codes are of the stream's type
+        self._fits = False  # the buffer is one of this stream: type of its codes, number of its channels
         self._mine = False  # the state is here, and not in the objects
 
     def meter(self, piece: Piece, first: int) -> Metered | None:
         """Windows of `piece` from number `first` on, as far as they are usual; None where the first is not."""
-        if piece.codes.dtype != self._dtype or (not self._mine and not self._take_state()):
+        if not self._of_stream(piece.codes) or (not self._mine and not self._take_state()):
             return None
         samples = np.ascontiguousarray(piece.codes)
         count = len(piece.seq) - first
@@ -152,7 +152,7 @@ class Kernel:
             if self._state.reason != NO_TRIAL:
                 return None
             self._add(self._state.point)
-        f, mark, magnitude, bend, swell, kink, growth, *rest = self._one.tolist()
+        f, mark, magnitude, bend, swell, kink, growth, *rest = self._one.tolist()  # rest: ENERGY, VRMS ... of `layout`
         held, phases = self._held, self._phases
         if not (
             held.note_calm(f, magnitude, kink, growth) or held.note(f, magnitude, Cycles(bend, swell, kink, growth))
@@ -173,12 +173,16 @@ class Kernel:
         return LiveMetered(f, mark, rest[phases:], energy.add_window(rest[:phases]))
 
     def _point_at(self, buffer: Codes, begin: int, end: int) -> bool:
-        """Let the kernel read this window of this buffer; whether its codes are of the stream's type."""
+        """Let the kernel read this window of this buffer; whether the buffer is one of this stream."""
         live = self._live
         if buffer is not self._buffer:
-            self._buffer, live.codes, self._fits = buffer, buffer.ctypes.data, buffer.dtype == self._dtype
+            self._buffer, live.codes, self._fits = buffer, buffer.ctypes.data, self._of_stream(buffer)
         live.begin, live.end = begin, end
         return self._fits
+
+    def _of_stream(self, codes: Codes) -> bool:
+        """Whether C, which checks nothing, may read them as codes of this stream."""
+        return bool(codes.dtype == self._dtype and codes.shape[1] == 2 * self._phases)
 
     def state(self) -> packed.State | None:
         """What is known of the stream so far; None while the objects of the numpy path know it."""

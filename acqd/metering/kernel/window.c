@@ -1,4 +1,4 @@
-/* Quantities of a window of 1 to 4 phases: f, sums over whole cycles, energy, DC, peaks, fundamentals.
+/* Quantities of a window of 1 to 4 phases: f, sums over whole cycles, energy, reactive power of the fundamentals.
 
    The same arithmetic as the numpy path (acqd/metering/meter.py), for windows without anything unusual: whatever
    is unusual (no history yet, f not credible, bent phase, dead mains, a trial frequency whose vectors are not there)
@@ -494,7 +494,7 @@ struct live {
     const double *const *table;
     const void *codes;
     double *out;
-    int64_t bounds[2]; /* of the next window in the buffer */
+    int64_t bounds[2]; /* of the next window, in samples of `codes` */
     struct state before; /* the state before it */
 };
 

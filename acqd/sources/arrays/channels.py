@@ -12,6 +12,7 @@ from acqd.errors import InputError
 from acqd.sources.arrays.clock import set_clock, skews_of
 from acqd.sources.arrays.contents import Contents, Signal, key_of, label_of, values_of
 from acqd.sources.recording.channel import Channel, Column, Recording
+from acqd.sources.recording.converter import may_be_codes
 from acqd.sources.recording.label import readings
 from acqd.sources.recording.units import UnknownUnitError, unit_of
 from acqd.sources.waveform import ChannelMap, position
@@ -54,17 +55,27 @@ def recording_of(path: Path, title: str, contents: Contents, given: ChannelMap, 
     recording.f_nominal = next((v for k, v in contents.numbers.items() if key_of(k) in ("fnominal", "fnom")), None)
     recording.simulated = bool(contents.numbers.get("simulated"))
     if given.u_scale is None and given.i_scale is None:
+        whole = _are_whole(path, [chosen[k] for k in used])
         recording.channels = [
-            replace(channel, unit=_CODES) if _are_codes(path, signal) else channel
-            for channel, signal in zip(recording.channels, chosen, strict=True)
+            replace(channel, unit=_CODES) if (whole and k in used) or _are_codes(path, signal) else channel
+            for k, (channel, signal) in enumerate(zip(recording.channels, chosen, strict=True))
         ]
     return recording
 
 
 def _are_codes(path: Path, signal: Signal) -> bool:
     """Integers without a unit, or with a factor that is not applied: V and A, or codes? Nobody says."""
-    unknown = not signal.unit and not label_of(signal.name)[1]
-    return (unknown or signal.unapplied) and _is_integer(path, signal)
+    return (_has_no_unit(signal) or signal.unapplied) and _is_integer(path, signal)
+
+
+def _are_whole(path: Path, signals: list[Signal]) -> bool:
+    """Whether nothing but whole numbers without a unit is metered: MATLAB stores codes, too, as double numbers."""
+    plain = all(_has_no_unit(one) and (one.scale, one.offset) == (1.0, 0.0) for one in signals)
+    return bool(signals) and plain and may_be_codes([values_of(path, one) for one in signals])
+
+
+def _has_no_unit(signal: Signal) -> bool:
+    return not signal.unit and not label_of(signal.name)[1]
 
 
 def _is_integer(path: Path, signal: Signal) -> bool:

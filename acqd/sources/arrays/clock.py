@@ -134,11 +134,11 @@ def _owner(label: str) -> str:
 def _seconds(path: Path, signal: Signal) -> tuple[Floats, float, int | None]:
     """An array of times [s], their resolution [s], and the UTC of the first one where the array holds dates."""
     values = values_of(path, signal)
-    if values.dtype.kind == "M":
-        ns = values.astype("datetime64[ns]").astype(np.int64)
+    if values.dtype.kind in "mM":
+        ns = values.astype(f"{values.dtype.kind}8[ns]").astype(np.int64)
         if (ns == np.iinfo(np.int64).min).any():
             raise InputError(path, f"{signal.name} has times that are missing")
-        return (ns - ns[0]) * 1e-9, 1e-9, int(ns[0])
+        return (ns - ns[0]) * 1e-9, 1e-9, int(ns[0]) if values.dtype.kind == "M" else None
     if values.dtype.kind not in "iuf":
         raise InputError(path, f"{signal.name} is {values.dtype}; expected times")
     seconds = values.astype(np.float64) * signal.seconds

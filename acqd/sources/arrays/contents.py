@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from acqd.errors import InputError
-from acqd.sources.recording.units import TIME_NAMES, UnknownUnitError, split_label, unit_of
+from acqd.sources.recording.units import CLOCK_NAMES, TIME_NAMES, UnknownUnitError, split_label, unit_of
 from acqd.sources.waveform import MOST_BYTES
 
 _TIMES = {name.replace(" ", "").replace("-", "") for name in TIME_NAMES} | {"timevec", "timevector", "times", "tout"}
@@ -51,7 +51,7 @@ class Signal:
         if found is not None:
             return found.quantity == "t"
         key = key_of(name.rpartition("/")[2])
-        return key in _TIMES or "time" in name.lower().replace("_", " ").replace("/", " ").split()
+        return key in _TIMES or key in CLOCK_NAMES or "time" in name.lower().replace("_", " ").replace("/", " ").split()
 
     @property
     def seconds(self) -> float:
@@ -60,7 +60,9 @@ class Signal:
             found = unit_of(self.unit or label_of(self.name)[1])
         except UnknownUnitError:
             found = None
-        return found.factor if found is not None and found.quantity == "t" else 1.0
+        if found is not None and found.quantity == "t":
+            return found.factor
+        return CLOCK_NAMES.get(key_of(self.name.rpartition("/")[2]), 1.0)
 
 
 @dataclass(slots=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +11,7 @@ from acqd.errors import InputError
 from acqd.extras import require
 from acqd.sources.arrays.channels import recording_of
 from acqd.sources.arrays.contents import Contents, check_size, damaged, scalar
+from acqd.sources.arrays.factors import not_applied, scales
 from acqd.sources.recording.channel import Recording
 from acqd.sources.waveform import ChannelMap
 
@@ -22,13 +22,8 @@ SAMPLES = ("values", "value", "data", "y", "samples")
 """Fields of a struct whose unit the field `unit` is."""
 _MISSING = ("_FillValue", "missing_value")
 """Attributes of values that stand for missing samples (CF conventions); alternating quantities pass 0."""
-_FACTOR = re.compile(
-    r"(?i)scale|gain|factor|multipl|calibrat|^range$|conver|slope|coeff|sensitiv|resolution|ratio|lsb|exponent|per_?digit"
-)
-_OFFSET = re.compile(r"(?i)offset|intercept|bias")
-_COEFFICIENTS = 4
-"""Of a polynomial, at most."""
 _MOST = 10_000  # datasets
+_SHORT = 64  # numbers of a dataset that holds a text or a factor
 _ADVICE = "store the arrays as datasets time, u1, i1 ..., with an attribute unit"
 
 
@@ -49,10 +44,11 @@ def load(path: Path, given: ChannelMap) -> Recording:
             _collect_texts(contents, datasets)
             for group, one in (("", file), *groups):
                 _numbers_of(contents, f"{group}/", one.attrs)
-            units = {name.rpartition("/")[0]: _texts(one) for name, one in datasets if _last(name) in UNITS}
+            units = {_group(name): _texts(one) for name, one in datasets if _last(name) in UNITS}
+            factors = _factors(datasets, groups)
             for name, dataset in datasets:
-                folder = name.rpartition("/")[0] if _last(name) in SAMPLES else name
-                _add(contents, path, name, dataset, units.get(folder, ""))
+                folder = _group(name) if _last(name) in SAMPLES else ""
+                _add(contents, path, name, dataset, units.get(folder or name, ""), factors.get(folder, ""))
     except InputError:
         raise
     except Exception as error:  # whatever a damaged file makes HDF5 raise
@@ -94,13 +90,30 @@ def _collect_texts(contents: Contents, datasets: list[tuple[str, Any]]) -> None:
                 contents.names[name] = texts
 
 
+def _group(name: str) -> str:
+    return name.rpartition("/")[0]
+
+
+def _factors(datasets: list[tuple[str, Any]], groups: list[tuple[str, Any]]) -> dict[str, str]:
+    """What a group says of a factor of the samples in it, by its name: in a dataset beside them, or in an attribute."""
+    found = {}
+    for name, one in datasets:
+        if _group(name) and 0 < (one.size or 0) <= _SHORT and scales(name.rpartition("/")[2], one[...]):
+            found[_group(name)] = f"a field {name.rpartition('/')[2]}"
+    for name, one in groups:
+        for key in one.attrs:
+            if scales(key, one.attrs[key]):
+                found[name] = f"an attribute {key}"
+    return found
+
+
 def _last(name: str) -> str:
     return name.rpartition("/")[2].lower()
 
 
 def _texts(dataset: Any) -> str:
     """The text in a dataset: a string, or characters of MATLAB; empty for anything else."""
-    if dataset.size > 64:
+    if dataset.size > _SHORT:
         return ""
     value = dataset[...]
     if dataset.attrs.get("MATLAB_class", b"") == b"char" and value.dtype.kind == "u":
@@ -109,8 +122,8 @@ def _texts(dataset: Any) -> str:
     return one.decode(errors="replace").strip() if isinstance(one, bytes) else ""
 
 
-def _add(contents: Contents, path: Path, name: str, dataset: Any, unit: str) -> None:
-    """One dataset; `unit` as the group around it says."""
+def _add(contents: Contents, path: Path, name: str, dataset: Any, unit: str, factor: str) -> None:
+    """One dataset; `unit` and `factor` as the group around it says."""
     if dataset.dtype.names:
         for column in dataset.dtype.names:
             kind = dataset.dtype[column]
@@ -125,30 +138,15 @@ def _add(contents: Contents, path: Path, name: str, dataset: Any, unit: str) -> 
         return
     _numbers_of(contents, f"{name}/", dataset.attrs)
     scale, offset = (scalar(dataset.attrs.get(key, [])) for key in ("scale_factor", "add_offset"))
-    unused = [
-        key for key in dataset.attrs if key not in ("scale_factor", "add_offset") and scales(key, dataset.attrs[key])
-    ]
-    if unused:
-        contents.notes.append(not_applied(name, f"an attribute {unused[0]}"))
+    for key in dataset.attrs:
+        if key not in ("scale_factor", "add_offset") and scales(key, dataset.attrs[key]):
+            factor = factor or f"an attribute {key}"
+    if factor:
+        contents.notes.append(not_applied(name, factor))
     contents.add(
         name, dataset.shape, _reader(path, name), _unit(dataset.attrs) or unit,
-        scale=1.0 if scale is None else scale, offset=offset or 0.0, unapplied=bool(unused),
+        scale=1.0 if scale is None else scale, offset=offset or 0.0, unapplied=bool(factor),
     )  # fmt: skip
-
-
-def scales(key: str, value: Any) -> bool:
-    """Whether an attribute or a field beside samples is a factor or an offset that may still have to be applied."""
-    listed = np.asarray(value).reshape(-1)
-    if listed.dtype.kind not in "iuf" or not 0 < listed.size <= _COEFFICIENTS or not np.isfinite(listed).all():
-        return False
-    if _OFFSET.search(key):
-        return bool(listed.any())
-    return bool(_FACTOR.search(key)) and listed.tolist() not in ([1], [0, 1], [1, 0])
-
-
-def not_applied(name: str, what: str) -> str:
-    """A remark about such a factor."""
-    return f"{name} has {what}, which is not applied: its meaning is not standard (--u-scale, --i-scale)"
 
 
 def _reader(path: Path, name: str, column: str | None = None) -> Any:

@@ -13,6 +13,7 @@ from acqd.extras import require
 from acqd.sources.arrays import hdf5
 from acqd.sources.arrays.channels import recording_of
 from acqd.sources.arrays.contents import Contents, check_size, damaged, scalar
+from acqd.sources.arrays.factors import not_applied, scales
 from acqd.sources.recording.channel import Recording
 from acqd.sources.waveform import ChannelMap
 
@@ -72,8 +73,8 @@ def _text(value: Any) -> str:
     return str(array.reshape(-1)[0]).strip() if array.dtype.kind == "U" and array.size == 1 else ""
 
 
-def _add(contents: Contents, name: str, value: Any, depth: int = 0, unit: str = "") -> None:
-    """One variable, with what is in it; `unit` as the struct around it says."""
+def _add(contents: Contents, name: str, value: Any, depth: int = 0, unit: str = "", *, unapplied: bool = False) -> None:
+    """One variable, with what is in it; `unit` and `unapplied` as the struct around it says."""
     if depth > _DEEPEST:
         return
     if hasattr(value, "_fieldnames"):
@@ -85,13 +86,13 @@ def _add(contents: Contents, name: str, value: Any, depth: int = 0, unit: str = 
     elif array.dtype == object:
         items = array.reshape(-1)[:_WIDEST]
         for k, item in enumerate(items):
-            _add(contents, f"{name}{k + 1}" if array.size > 1 else name, item, depth + 1, unit)
+            _add(contents, f"{name}{k + 1}" if array.size > 1 else name, item, depth + 1, unit, unapplied=unapplied)
     elif array.dtype.kind in "iuf":
         number = scalar(array)
         if number is not None:
             contents.numbers[name] = number
         elif array.size > 1:
-            contents.add(name, array.shape, lambda: array, unit)
+            contents.add(name, array.shape, lambda: array, unit, unapplied=unapplied)
     elif array.dtype.kind == "c":
         contents.notes.append(f"{name} is complex: no samples")
 
@@ -101,9 +102,10 @@ def _add_struct(contents: Contents, name: str, struct: Any, depth: int) -> None:
     fields = {field: getattr(struct, field) for field in struct._fieldnames}
     label = _text(fields.get("label", "")) or _text(fields.get("name", ""))
     unit = next((_text(value) for field, value in fields.items() if field.lower() in hdf5.UNITS), "")
-    scaled = next((field for field, value in fields.items() if hdf5.scales(field, value)), "")
+    scaled = next((field for field, value in fields.items() if scales(field, value)), "")
     if scaled and any(field.lower() in hdf5.SAMPLES for field in fields):
-        contents.notes.append(hdf5.not_applied(name, f"a field {scaled}"))
+        contents.notes.append(not_applied(name, f"a field {scaled}"))
     for field, value in fields.items():
         own = label if label and field.lower() in ("values", "data") else f"{name}/{field}"
-        _add(contents, own, value, depth + 1, unit if field.lower() in hdf5.SAMPLES else "")
+        samples = field.lower() in hdf5.SAMPLES
+        _add(contents, own, value, depth + 1, unit if samples else "", unapplied=samples and bool(scaled))

@@ -74,14 +74,17 @@ def _add(contents: Contents, schema: Any, rows: int, column: Any) -> None:
     """Numeric columns and those of times."""
     from pyarrow import types
 
+    durations: list[str] = []
     for one in schema:
         metadata = one.metadata or {}
         unit = next((metadata[key].decode(errors="replace") for key in (b"unit", b"units") if key in metadata), "")
         if types.is_duration(one.type):
-            contents.add("time", (rows,), partial(_numbers, column, one.name), "s")
+            durations.append(one.name)
         elif types.is_timestamp(one.type) or types.is_integer(one.type) or types.is_floating(one.type):
             name = "time" if types.is_timestamp(one.type) else one.name
             contents.add(name, (rows,), partial(_numbers, column, one.name), unit)
+    if durations and not any(signal.is_time for signal in contents.signals):  # others may be delays of something
+        contents.add("time", (rows,), partial(_numbers, column, durations[0]))
 
 
 def _numbers(read: Any, name: str) -> Any:
@@ -92,5 +95,5 @@ def _numbers(read: Any, name: str) -> Any:
     if types.is_timestamp(column.type):
         return column.cast("timestamp[ns]").to_numpy()
     if types.is_duration(column.type):
-        return column.cast("duration[ns]").to_numpy().astype(np.int64) * 1e-9
+        return column.cast("duration[ns]").to_numpy()
     return np.asarray(column.to_numpy())

@@ -14,6 +14,7 @@ from acqd.errors import InputError
 from acqd.extras import require
 from acqd.sources.arrays.channels import recording_of
 from acqd.sources.arrays.contents import Contents, check_size, damaged
+from acqd.sources.arrays.factors import not_applied, scales
 from acqd.sources.recording.channel import Recording
 from acqd.sources.waveform import ChannelMap
 
@@ -89,6 +90,10 @@ def _add(contents: Contents, path: Path, channel: Any, several: bool, length: in
     if kind not in "iufM" or len(channel) < length or not length:
         return
     offset = properties.get("wf_start_offset", 0.0)
+    # npTDMS applies the scales of NI itself.
+    factors = [key for key, value in properties.items() if not key.startswith("NI_") and scales(key, value)]
+    if factors:
+        contents.notes.append(not_applied(channel.name, f"a property {factors[0]}"))
     utc = None if start is None else _utc_ns(start) + round(float(offset) * 1e9)
     contents.add(
         f"{channel.group_name}/{channel.name}" if several else channel.name,
@@ -97,6 +102,7 @@ def _add(contents: Contents, path: Path, channel: Any, several: bool, length: in
         str(properties.get("unit_string", "") or properties.get("Unit", "")),
         step_s=float(step) if step and 0 < float(step) < 1e6 else None,
         start_utc_ns=utc if utc and utc > 0 else None,
+        unapplied=bool(factors),
     )
 
 

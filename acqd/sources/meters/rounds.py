@@ -21,8 +21,9 @@ _VOLTS = 2.0
 """Of the nominal voltage: no supply holds more for a second (EN 50160: swells below 1.2 kV stay under 1.7)."""
 _TINY_V = 1e-3
 """No meter resolves less, and a dead phase reads 0 or some volts."""
-_NOTHING = 1e-20
-"""Of any unit: floats of a register with their halves exchanged are smaller, and nothing that a meter measures."""
+_EXCHANGED = (2e-41, 8e-41)
+"""Of any unit: what floats of up to seven bits, such as 2.0 and 414.0, become where the halves of their registers are
+exchanged. Other tiny numbers are no fault: the filters of a meter at rest end at some 1e-44."""
 _HERTZ = (40.0, 70.0)
 _PF = 1.05
 _PF_BELOW = 0.15
@@ -130,7 +131,7 @@ class RoundJudge:
 
     def _impossible(self, name: str, value: float) -> bool:
         kind = name.rpartition(".")[2]
-        if 0 < abs(value) < _NOTHING:
+        if _EXCHANGED[0] < abs(value) < _EXCHANGED[1]:
             return True
         if kind == "Vrms":
             tiny = 0 < abs(value) < _TINY_V  # half of the bits of a number, in the wrong place

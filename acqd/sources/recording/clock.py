@@ -16,6 +16,7 @@ _JITTER = 0.01  # of one period: a larger deviation is not an equidistant record
 _COARSE = 1e-4  # resolution of the times over their span: beyond it they do not tell the rate
 _EARLIEST_S = 946_684_800.0  # 2000-01-01: a time column before it counts from something else than 1970
 _DAY_S = 86_400.0
+_SINCE_1970_S = 1e8  # a first time below it is no date; a longer pause is a clock that was set meanwhile
 _PAUSE = 1.5  # steps between two rows, from which on samples are missing there
 _ROWS = 50  # rows per pause, at least: what pauses more often is no waveform
 
@@ -82,7 +83,7 @@ def _pauses(times: Floats, step: float, slack: float) -> Clock | None:
     """Of times that are equidistant but for some pauses: a logger that lost rows, or segments of a recorder."""
     steps = np.diff(times)
     at = np.flatnonzero(steps > _PAUSE * step) + 1
-    if not at.size or at.size * _ROWS > len(times) or step <= 0:
+    if not at.size or at.size * _ROWS > len(times) or step <= 0 or steps.max() > _SINCE_1970_S:
         return None
     edges = [0, *at.tolist(), len(times)]
     lengths = np.diff(edges)
@@ -96,7 +97,7 @@ def _pauses(times: Floats, step: float, slack: float) -> Clock | None:
     row, missing_s = int(at[0]), float(steps[at[0] - 1])
     note = (
         f"its times pause {at.size} time{'s' if at.size > 1 else ''} (first before sample {row + 1}, for "
-        f"{missing_s:.4g} s): a gap in the rows"
+        f"{missing_s:.4g} s): gaps in the rows, unless its clock was set then"
     )
     return Clock(1 / period, None, (note,), tuple(zip(at.tolist(), lost.tolist(), strict=True)))
 
@@ -110,7 +111,7 @@ def _in_pairs(times: Floats) -> bool:
 
 def _start_of(first: float) -> tuple[int | None, tuple[str, ...]]:
     """UTC [ns] of a time column that counts from 1970; another one has no date."""
-    if abs(first) < 1e8:
+    if abs(first) < _SINCE_1970_S:
         return None, ()
     if _EARLIEST_S <= first <= time.time() + _DAY_S:
         return round(first * 1e9), ()

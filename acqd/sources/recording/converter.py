@@ -1,8 +1,10 @@
-"""Codes as no converter gives them: with their two bytes exchanged, or with a bit that never changes."""
+"""Numbers that may be codes of a converter, and codes as none gives them: with exchanged bytes, with a constant bit."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +21,21 @@ _LEAST_SPAN = 1024
 """Codes from the smallest to the largest: less shows nothing."""
 _LEAST_LEVELS = 64
 """Different codes: below it a bit may be constant by chance."""
+
+_MOST_CODE = 2**24
+"""Converters have up to 24 bits."""
+_LEVELS = 16
+"""Different values of a channel: fewer are a test pattern or a few amperes, of which nobody makes codes."""
+
+
+def are_whole(columns: Sequence[NDArray[Any]]) -> bool:
+    """Whether all channels hold whole numbers that a converter can give."""
+    return all((one == np.rint(one)).all() and np.abs(one).max() < _MOST_CODE for one in columns)
+
+
+def may_be_codes(columns: Sequence[NDArray[Any]]) -> bool:
+    """Whether channels without a unit may hold codes of a converter or mV: whole numbers, and many different ones."""
+    return are_whole(columns) and max(len(np.unique(one[:_LOOK])) for one in columns) > _LEVELS
 
 
 def remarks(path: Path, codes: Codes) -> tuple[str, ...]:

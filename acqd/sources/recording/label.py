@@ -193,7 +193,8 @@ def _designated(words: list[str], quantity: Letter) -> list[Reading]:
             taken = max(taken, at + used)
             group = " ".join(w for w in (*words[:at], reading.group, *words[at + used :]) if w and w not in _NEUTRAL)
             group = " ".join(w for w in group.split() if w not in ("u", "v", "i"))
-            letter: Letter = reading.quantity or quantity or _first(words[:at]) or _first(words[at + used :])
+            next_word = words[at + used : at + used + 1]  # L1_U; but the I of BUS I behind it is a number
+            letter: Letter = reading.quantity or quantity or _first(words[:at]) or _first(next_word)
             found.append(Reading(reading.kind, letter, reading.family, reading.phases, group))
     strong = [one for one in found if one.quantity]
     return list(dict.fromkeys(strong or found))

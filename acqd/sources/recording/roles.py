@@ -28,15 +28,23 @@ def roles_of(channels: list[Channel]) -> list[Role]:
     if any(re.search(r"(?i)[uv]l?(11|22|33)$", channel.name.strip()) for channel in channels):
         candidates = [[one for one in found if (one.kind, one.family) != ("line", "123")] for found in candidates]
     whole = _whole(candidates)
-    candidates = [[one for one in found if one.family != AMPERES or _key(one) in whole] for found in candidates]
+    if not _are_amperes(candidates, whole):
+        candidates = [[one for one in found if one.family != AMPERES] for found in candidates]
     roles = [_role(channel, found, whole) for channel, found in zip(channels, candidates, strict=True)]
     roles = [_not_sequence(role, roles) for role in roles]
     return _only_ones(channels, roles)
 
 
+def _are_amperes(candidates: list[list[Reading]], whole: set[_Key]) -> bool:
+    """Whether A1 A2 A3 are currents: beside three numbered voltages and no other currents. Else they are inputs."""
+    families = {family for family, _, quantity, _ in whole if family == AMPERES or quantity != "i"}
+    others = any(one.quantity == "i" and one.family != AMPERES for found in candidates for one in found)
+    return families >= {AMPERES, "123"} and not others
+
+
 def _candidates(channel: Channel, machine: bool) -> list[Reading]:
     """Readings of the name and of the phase field that do not contradict each other; `machine`: see `phase_field`."""
-    named, field = [] if channel.input else readings(channel.name), phase_field(channel.phase, machine)
+    named, field = _named(channel), phase_field(channel.phase, machine)
     special = [one for one in named if one.kind not in ("phase", "line", "unknown")]
     if special:
         return special
@@ -64,6 +72,14 @@ def _candidates(channel: Channel, machine: bool) -> list[Reading]:
         return [Reading("unknown", quantity)]
     groups = [one.group for one in named] or [""]
     return [replace(one, quantity=quantity, group=groups[0]) for one in field]
+
+
+def _named(channel: Channel) -> list[Reading]:
+    """Readings of the name; A1 is a current only where neither a phase field nor the unit says more."""
+    found = [] if channel.input else readings(channel.name)
+    if channel.phase.strip() or channel.unit.strip()[-1:] in ("V", "v"):
+        return [one for one in found if one.family != AMPERES]
+    return found
 
 
 def _contradicts(named: list[Reading], field: list[Reading]) -> bool:

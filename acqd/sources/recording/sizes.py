@@ -52,6 +52,7 @@ def hints(
     part = codes[:_LOOK].astype(np.float64) * scale
     with np.errstate(over="ignore"):  # whatever a damaged header gives as a scale
         rms, peak = np.sqrt((part * part).mean(axis=0)), np.abs(part).max(axis=0)
+        volts = part[:, 0::2].std(axis=0)  # without the mean: a direct voltage comes from no transformer
     for first, quantity, unit, low, high in ((0, "u", "V", _DEAD_V, _MOST_V), (1, "i", "A", _DEAD_A, _MOST_A)):
         ask = f"(--{quantity}-scale)?"
         dead = [k for k in range(first, len(names), 2) if peak[k] < low]
@@ -65,7 +66,6 @@ def hints(
         if large:
             listed, most = ", ".join(names[k] for k in large), rms[large].max()
             found.append(f"{listed}: {most:.3g} {unit}, more than any network has; is the scale wrong {ask}")
-    volts = rms[0::2]
     if _SECONDARY_V[0] < volts.min() and volts.max() < _SECONDARY_V[1]:
         found.append(
             f"{', '.join(names[0::2])}: {volts.mean():.4g} V, as behind voltage transformers of 100 to 120 V; are "

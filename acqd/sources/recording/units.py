@@ -135,8 +135,8 @@ def split_label(label: str, labels: Iterable[str] = ()) -> tuple[str, str]:
         if _is_unit(inner) or _looks_like_unit(inner):
             return found.group(1).strip() or text, inner
         return text, ""
-    if (alone := re.fullmatch(r"(?i)in\s+(\S+)", text)) and _is_unit(alone.group(1)):
-        return text, alone.group(1)
+    if alone := _unit_alone(text):
+        return text, alone
     if input_ := re.fullmatch(r"(?i)(ch(?:annel)?\s?\d+)([VA])", text):  # CH1V of Rigol
         return input_.group(1), input_.group(2)
     if glued := _GLUED.match(text):  # U1mV, but not UA: a prefix tells a unit from a phase
@@ -150,6 +150,14 @@ def split_label(label: str, labels: Iterable[str] = ()) -> tuple[str, str]:
         if not phase:
             return stem, last
     return text, ""
+
+
+def _unit_alone(label: str) -> str:
+    """The unit in a name that is nothing else: `in kV`, `Volts`, `Milliamps`; of letters alone, A may be a phase."""
+    found = re.fullmatch(r"(?i)(in\s+)?(\S+)", label)
+    if found is None or not (_is_unit(found[2]) if found[1] else len(label) > 2 and _name(label.lower())):
+        return ""
+    return found[2]
 
 
 _FACTOR = re.compile(

@@ -15,6 +15,7 @@ from acqd.arrays import Floats
 from acqd.errors import InputError
 from acqd.sources.recording.channel import Channel, Column, Recording
 from acqd.sources.recording.clock import Clock, of_times
+from acqd.sources.recording.converter import are_whole, may_be_codes
 from acqd.sources.recording.siblings import skew
 from acqd.sources.recording.units import CLOCK_NAMES, TIME_NAMES, UnknownUnitError, unit_of
 from acqd.sources.text import clock
@@ -27,9 +28,6 @@ _SAME_RATE = 5e-3  # how far the rate above a table may be from that of its time
 _EVEN = 0.01
 """Of a step: how far the steps of a column without a name may be from each other to be those of times."""
 _TIME_STEPS_S = (1e-8, 5e-3)
-_MOST_CODE = 2**24
-_LOOKED, _LEVELS = 10_000, 16
-"""Rows in which a channel of codes has more different values."""
 _CODE_SCALE = re.compile(r"verticalscale|voltsdiv|voltsperdiv|vertscale|vscale")
 """Lines of oscilloscopes that say V for a division: beside whole numbers these are codes of the converter."""
 _INDEX = ("sequence", "index", "sample", "samples", "no", "nr", "n", "point", "points", "number", "xindex")
@@ -47,8 +45,9 @@ class Text:
     def ends_torn(self) -> bool:
         """Whether the last line has no end."""
         with self.path.open("rb") as file:
-            file.seek(-1, 2)
-            return file.read(1) not in b"\r\n"
+            wide = 2 if self._encoding.lower().startswith("utf-16") else 1
+            file.seek(-wide, 2)
+            return file.read(wide).strip(b"\0") not in (b"\r", b"\n")
 
     def head(self) -> list[str]:
         """The first lines."""
@@ -280,7 +279,7 @@ class Export:
         if not needed or given.u_scale is not None or given.i_scale is not None:
             return
         columns = [self.values[k] for k in needed]
-        if not all((one == np.rint(one)).all() and np.abs(one).max() < _MOST_CODE for one in columns):
+        if not are_whole(columns):
             return
         scaled = next((key for key in self.table.preamble if _CODE_SCALE.search(key)), "")
         if scaled and all(np.gcd.reduce(one.astype(np.int64)) == 1 for one in columns):
@@ -289,8 +288,7 @@ class Export:
                 f"its channels hold whole numbers beside {scaled!r}, as codes of a converter; export volts (GW "
                 "Instek: Detail), or say with --u-scale and --i-scale what a code is (vertical scale / 25)",
             )
-        resolved = max(len(np.unique(one[:_LOOKED])) for one in columns) > _LEVELS
-        if resolved and not any(self.table.units[k] for k in needed):
+        if not any(self.table.units[k] for k in needed) and may_be_codes(columns):
             raise InputError(
                 self.text.path,
                 "its channels hold whole numbers and no unit, as codes of a converter or mV; say with --u-scale and "
@@ -352,7 +350,7 @@ class Export:
                 found = np.loadtxt(self._rows(), delimiter=delimiter, usecols=places, ndmin=2, comments=None)
         except (ValueError, IndexError):
             fault = self._first_fault(columns)
-            if self.text.torn or not self.text.ends_torn():
+            if self.values or self.text.torn or not self.text.ends_torn():  # columns have equally many rows
                 raise InputError(self.text.path, fault) from None
             self.text.torn = True  # a logger that lost its supply
             try:

@@ -18,12 +18,18 @@ STANDING = Standing(EVIDENCE, dict.fromkeys(EVIDENCE, (0.0, 0.0)), 500.0, {})
 
 
 def closed(
-    standing=STANDING, reference=("recording",), chosen=None, effects=(), verdict="unknown_structure", unexplained=False
+    standing=STANDING,
+    reference=("recording",),
+    chosen=None,
+    effects=(),
+    verdict="unknown_structure",
+    unexplained=False,
+    mistimed=False,
 ):
     subject = SimpleNamespace(reference=list(reference), chosen=frozenset(chosen or library()))
     return SimpleNamespace(
         selection=SimpleNamespace(standing=standing), subject=subject, improved=SimpleNamespace(effects=effects),
-        verdict=verdict, largely_unexplained=unexplained,
+        verdict=verdict, largely_unexplained=unexplained, mistimed=mistimed,
     )  # fmt: skip
 
 
@@ -67,6 +73,10 @@ def test_a_set_does_not_exclude_nothing_where_the_verdict_does_not(verdict):
     assert NOTHING not in proven.members and set(open_.members) == {*proven.members, NOTHING}
     assert open_.probabilities == proven.probabilities
     assert list(open_.members) == [label for label in open_.probabilities if label in open_.members]
+
+
+def test_power_of_another_time_has_no_set():
+    assert causes.believed(closed()) is not None and causes.believed(closed(mistimed=True)) is None
 
 
 def test_words():

@@ -8,6 +8,7 @@ import pytest
 from acqd.errors import InputError, UserError
 from acqd.metering import Meter, SampleBlock
 from acqd.sources import ChannelMap, load_waveform
+from acqd.sources.arrays.factors import scales
 from tests.sources.arrays import writers
 from tests.sources.arrays.writers import RATE, START_NS, WRITERS, I, T, U
 
@@ -36,6 +37,7 @@ def test_a_file_is_metered_as_it_is(tmp_path, name):
 def test_a_rate_in_kilohertz_and_a_step_in_microseconds_are_understood(tmp_path):
     assert_metered(load_waveform(mat(tmp_path, u1=U, i1=I, fs_kHz=RATE / 1e3)))
     assert_metered(load_waveform(mat(tmp_path, u1=U, i1=I, dt_us=1e6 / RATE, n=np.arange(len(T)))))
+    assert_metered(load_waveform(mat(tmp_path, u1=U, i1=I, micros=1e6 * T)))
 
 
 @pytest.mark.parametrize(
@@ -110,6 +112,26 @@ def test_times_that_pause_are_a_gap(tmp_path):
 def test_a_scale_beside_the_samples_of_a_struct_is_named(tmp_path):
     waveform = load_waveform(mat(tmp_path, time=T, u1={"data": U, "scale": 0.05, "unit": "V"}, i1=I))
     assert any("u1 has a field scale, which is not applied" in note for note in waveform.notes)
+
+
+@pytest.mark.parametrize("factor", [0.05, [0.0, 0.05]])
+def test_codes_of_a_struct_with_a_scale_need_its_value(tmp_path, factor):
+    codes, h5py = np.rint(20 * U).astype("i2"), pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        for name, value in (("data", codes), ("unit", "V"), ("scale", factor)):
+            file[f"u1/{name}"] = value
+        file["time"], file["i1"] = T, I
+    for path in (tmp_path / "a.h5", mat(tmp_path, time=T, u1={"data": codes, "scale": factor, "unit": "V"}, i1=I)):
+        with pytest.raises(InputError, match=r"u1/data.*whole numbers"):
+            load_waveform(path)
+
+
+def test_whole_numbers_without_a_unit_may_be_codes_also_as_double_numbers(tmp_path):
+    codes = np.rint(20 * U)
+    with pytest.raises(InputError, match=r"whole numbers.*--u-scale"):
+        load_waveform(mat(tmp_path, time=T, u1=codes, i1=np.rint(100 * I)))
+    assert not load_waveform(mat(tmp_path, time=T, u1_V=codes, i1_mA=np.rint(100 * I))).notes
+    assert not load_waveform(mat(tmp_path, time=T, u1=codes, i1=I)).notes
 
 
 def test_numbers_that_contradict_the_times_are_noted_and_codes_without_a_scale_refused(tmp_path):
@@ -244,11 +266,13 @@ def test_a_mark_of_missing_samples_is_no_sample(tmp_path):
         load_waveform(path)
 
 
-def test_durations_of_parquet_are_times(tmp_path):
+@pytest.mark.parametrize("time", ["since", "time"])
+def test_durations_of_parquet_are_times_where_nothing_else_is(tmp_path, time):
     pyarrow = pytest.importorskip("pyarrow")
     parquet = pytest.importorskip("pyarrow.parquet")
     path, since = tmp_path / "a.parquet", np.rint(T * 1e6).astype("timedelta64[us]")
-    parquet.write_table(pyarrow.table({"since": since, "u1": U, "i1": I}), path)
+    durations = {"lag": 0 * since, "time": T} if time == "time" else {"since": since}
+    parquet.write_table(pyarrow.table({**durations, "u1": U, "i1": I}), path)
     assert load_waveform(path).form.rate == pytest.approx(RATE)
 
 
@@ -262,3 +286,24 @@ def test_a_factor_beside_samples_is_named_whatever_its_name(tmp_path, key):
         file["i1"].attrs["gain"] = 1.0
     notes = load_waveform(path).notes
     assert [f"u1 has an attribute {key}" in note for note in notes if "is not applied" in note] == [True]
+
+
+def test_a_factor_among_the_properties_of_tdms_is_named(tmp_path):
+    nptdms, step = pytest.importorskip("nptdms"), {"wf_increment": 1 / RATE, "wf_start_offset": 0.5}
+    channels = [
+        nptdms.ChannelObject(
+            "g", "U", U, step | {"unit_string": "V", "Sensitivity": 0.1, "NI_Scale[0]_Linear_Slope": 2.0}
+        ),
+        nptdms.ChannelObject("g", "I", I, step | {"unit_string": "A"}),
+    ]
+    with nptdms.TdmsWriter(tmp_path / "a.tdms") as writer:
+        writer.write_segment(channels)
+    notes = load_waveform(tmp_path / "a.tdms").notes
+    assert [note.partition(",")[0] for note in notes] == ["U has a property Sensitivity"]
+
+
+def test_what_says_nothing_of_the_size_of_samples_is_no_factor():
+    keys = "duration operation calibration_date utc_offset trigger_slope time_resolution power_factor scaled xscale"
+    assert not any(scales(key, 5.0) for key in keys.split())
+    assert not scales("resolution", 16) and not scales("range", [-10.0, 10.0]) and not scales("multiplier", 0)
+    assert all(scales(key, 5.0) for key in ("CTRatio", "y_scale", "probeGain", "range", "V_per_LSB"))

@@ -241,7 +241,8 @@ def test_registers_that_count_otherwise_or_in_large_steps_contradict_nothing(
         ({"L1.Irms": 20.0}, {"L1.P", "L1.PF", "L1.Irms"}),
         ({"L1.P": 41.4}, {"L1.P", "L1.PF", "L1.Irms"}),
         ({"L1.PF": 0.09}, {"L1.PF"}),
-        ({"L1.Irms": 1e-41, "L1.P": 1e-41}, {"L1.Irms", "L1.P"}),
+        ({"L1.Irms": 2.3e-41, "L1.P": 2.5e-41}, {"L1.Irms", "L1.P"}),  # 2.0 and 414.0, with their halves exchanged
+        ({"L1.Irms": 7e-45, "L1.P": 1e-30, "L1.PF": 0.0}, set()),  # the filter of a meter at rest
         ({"L1.PF": 0.75}, set()),  # registers of a round differ in time
         ({"L1.P": 150.0}, set()),  # distorted: PF is that of the fundamentals
     ],

@@ -186,6 +186,10 @@ def test_letters_behind_a_slash_are_phases_beside_others_and_a_current_alone_is_
         ("V1|V V2|V V3|V A1|A A2|A A3|A", "V1 A1 V2 A2 V3 A3"),
         ("L1_U|V L1_I|A L2_U|V L2_I|A L3_U|V L3_I|A", "L1_U L1_I L2_U L2_I L3_U L3_I"),
         ("A1|V A2|A", "A1 A2"),  # inputs
+        ("U1 U2 U3 I1 I2 I3 A1 A2 A3", "U1 I1 U2 I2 U3 I3"),
+        ("U I A1 A2 A3", "U I"),
+        ("A1|V|A A2|V|B A3|V|C A4|A|A A5|A|B A6|A|C", "A1 A4 A2 A5 A3 A6"),  # the field of the phase counts
+        ("A_BUS_I|V B_BUS_I|V C_BUS_I|V IA|A IB|A IC|A", "A_BUS_I IA B_BUS_I IB C_BUS_I IC"),  # of bus bar I
     ],
 )
 def test_what_other_instruments_call_their_phases(text, expected):

@@ -74,3 +74,8 @@ def test_a_single_phase_behind_a_voltage_transformer_is_asked_about():
     codes = np.rint(np.stack((577 * 2**0.5 * np.cos(314.16 * t), 500 * np.cos(314.16 * t)), 1)).astype(np.int16)
     asked = hints([(0, "VA"), (1, "IA")], codes, np.array([0.1, 0.01]), (10_000.0, 50.0), True)
     assert len(asked) == 1 and "as behind voltage transformers" in asked[0]
+
+
+def test_a_direct_voltage_of_60_v_is_not_asked_about():
+    codes = np.full((2_000, 2), (600, 200), dtype=np.int16)
+    assert not hints([(0, "u1"), (1, "i1")], codes, np.array([0.1, 0.01]), (10_000.0, 50.0), True)

@@ -156,7 +156,9 @@ def test_rows_that_are_missing_everywhere_are_refused(tmp_path):
         load_waveform(path)
 
 
-@pytest.mark.parametrize(("names", "refused"), [("u1,i1", True), ("u1 [V],i1 [mA]", False), ("u1,i1 [A]", False)])
+@pytest.mark.parametrize(
+    ("names", "refused"), [("u1,i1", True), ("u1 [V],i1 [mA]", False), ("u1,i1 [A]", False), ("Volts,Amps", False)]
+)
 def test_whole_numbers_without_a_unit_may_be_codes(tmp_path, names, refused):
     rows = [f"{t:.6f},{np.rint(1_300 * np.cos(314 * t)):.0f},{np.rint(700 * np.cos(314 * t)):.0f}" for t in T]
     path = written(tmp_path, [f"time [s],{names}"], rows)
@@ -270,3 +272,19 @@ def test_a_row_that_nobody_ended_is_left_out(tmp_path, tail):
 def test_clocks_of_microcontrollers_are_times(tmp_path):
     rows = [f"{round(t * 1e6)},{row.partition(',')[2]}" for t, row in zip(T, PLAIN, strict=True)]
     assert load_waveform(written(tmp_path, ["micros,u1 [V],i1 [A]"], rows)).form.rate == pytest.approx(4_000)
+
+
+def test_a_last_row_of_utf_16_that_is_ended_is_not_left_out(tmp_path):
+    path = written(tmp_path, ["time,u1 [V],i1 [A]"], PLAIN)
+    text = path.read_text().rstrip("\n") + "\n0.25,x,1"
+    path.write_bytes(text.encode("utf-16"))
+    assert len(load_waveform(path).codes) == len(PLAIN)
+    path.write_bytes(f"{text}\n".encode("utf-16"))
+    with pytest.raises(InputError, match="'x' is not a number"):
+        load_waveform(path)
+
+
+def test_a_clock_that_was_set_from_1970_to_today_is_no_pause(tmp_path):
+    rows = [f"{t + (1.7e9 if t > 0.1 else 0):.6f},{row.partition(',')[2]}" for t, row in zip(T, PLAIN, strict=True)]
+    with pytest.raises(InputError, match=r"1\.7e\+09 s after the row before"):
+        load_waveform(written(tmp_path, ["time [s],u1 [V],i1 [A]"], rows))
