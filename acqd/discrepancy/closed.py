@@ -43,6 +43,8 @@ class Closed:
     notes: list[str]
     warnings: list[str] = field(default_factory=list)
     """Those of the notes that make the verdict less than it seems."""
+    largely_unexplained: bool = False
+    """Whether the names explain less than half of what the error has grown by."""
 
     @property
     def kept(self) -> list[Reported]:

@@ -68,11 +68,12 @@ def close_loop(config: CloseConfig, progress: Progress) -> Closed:
     after = quality(improved.errors)
     if after.rmse < floor_W:  # no model can be better than the noise: brakes and supplies act at rest, too
         floor_W, floor_source = after.rmse, "of the residual, which is smaller than what the power varies by at rest"
+    unexplained = largely_unexplained(
+        selection, improved, errors_before, usual, grown=usual.exceeded_by(subject.held_out, improved.errors)
+    )
     warnings = [
         *of_meters,
-        *largely_unexplained(
-            selection, improved, errors_before, usual, grown=usual.exceeded_by(subject.held_out, improved.errors)
-        ),
+        *unexplained,
         *differing_logs(selection, improved),
         *common_load(selection),
         *drifted_level(selection),
@@ -89,7 +90,7 @@ def close_loop(config: CloseConfig, progress: Progress) -> Closed:
             *subject.notes, *unused_efforts(subject), *warnings, *not_added(improved),
             *(scale_notes(subject) if effects else []), *remarks,
         ],
-        warnings=warnings,
+        warnings=warnings, largely_unexplained=bool(unexplained),
     )  # fmt: skip
 
 

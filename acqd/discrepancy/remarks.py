@@ -70,7 +70,7 @@ def largely_unexplained(
         return []
     sizes = f"{rms(improved.errors):.2f} W remain on held-out recordings, {usual.lowest_W:.2f} W in the reference"
     explained = f"what has a name explains {max(share, 0.0):.0%} of what the squared error has grown by"
-    return [f"{explained}: {sizes}; the largest cause may be another one"]
+    return [f"{explained}: {sizes}; the largest cause may be something else"]
 
 
 def _timed_squares(selection: Selection, effect: Reported) -> float:

@@ -98,6 +98,8 @@ INDEPENDENT = {
     "gravity_bias": lambda s, r: extra_power(
         s, gravity_torque_of_link(s.q, 2, 3.0)
     ),
+    "mounting": lambda s, r: extra_power(s, tilted_torque(s.q, 4.0)),
+    "joint_zero": lambda s, r: extra_power(s, shifted_torque(s, 1, 0.06)),
     "copper_loss": lambda s, r: lagged_mean(0.9 * (s.model.group("copper") * s.tau**2).sum(axis=1)),
     "mechanical_power": lambda s, r: lagged_mean(0.12 * np.abs(s.tau * s.qd).sum(axis=1)),
     "regeneration_clipping": lambda s, r: lagged_mean(0.9 * np.maximum(-s.drives, 0)),
@@ -125,6 +127,20 @@ def mass_torque_of_link(scene, link, kg):
     arms = Arm(with_heavier_link(link, kg)), Arm(load_description("ur10e"))
     more, usual = (inverse_dynamics(arm, scene.q, scene.qd, scene.qdd) for arm in arms)
     return more - usual
+
+
+def tilted_torque(q, degrees):
+    """Nm of a base that is tilted so that the arm leans towards its x axis."""
+    arm, usual = Arm(load_description("ur10e")), gravity_torque(Arm(load_description("ur10e")), q)
+    arm.model.gravity.linear = 9.81 * np.array([np.sin(np.radians(degrees)), 0, -np.cos(np.radians(degrees))])
+    return gravity_torque(arm, q) - usual
+
+
+def shifted_torque(scene, joint, rad):
+    """Nm of a joint that stands elsewhere than its logged angle says."""
+    arm = Arm(load_description("ur10e"))
+    there = inverse_dynamics(arm, scene.q + rad * (np.arange(scene.axes) == joint), scene.qd, scene.qdd)
+    return there - inverse_dynamics(arm, scene.q, scene.qd, scene.qdd)
 
 
 def with_heavier_link(link, kg):

@@ -47,6 +47,15 @@ def test_like_meters_leave_power_as_it_is(model, robot, sides):
     assert with_like_means(alone) == (alone, [])
 
 
+def test_power_that_is_explained_as_well_as_in_the_reference_is_left_as_it_is(model, robot, sides):
+    """A mean that costs less than what the reference leaves unexplained anyway."""
+    asked, reference = sides
+    random = np.random.default_rng(5)
+    noisy = [replace(s, P=s.P + random.normal(0, 30.0, len(s.P))) for s in reference]
+    before = subject(model, robot, averaged(asked, 5), noisy)
+    assert with_like_means(before) == (before, [])
+
+
 @pytest.mark.parametrize("late", [0, 2])
 def test_a_mean_in_question_alone_is_said_and_fast_power_is_put_back(model, robot, sides, late):
     asked, reference = sides

@@ -1,13 +1,15 @@
 """What every effect does to the power, and when."""
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from acqd.lab.effects import known_effects, make_effects, parse_effect
 from acqd.lab.instruments.data_recorder import ControllerClock
 from acqd.lab.plant import Plant, Stretch
 from acqd.motion.controller import Controller, Move, Phase, Wait
-from acqd.robot.dynamics import mechanical_energy
+from acqd.robot.arm import Arm
+from acqd.robot.dynamics import gravity_torque, mechanical_energy
 from acqd.robot.kinematics import forward_kinematics
 from tests.lab.moved import CELL, CLEAN, IIWA, MOTION, VOLTAGE, power_of, run
 
@@ -66,7 +68,25 @@ def test_the_log_of_a_biased_sensor_is_biased():
     np.testing.assert_allclose(difference, np.tile([0, 0, 0, 2.0, 0, 0, 0], (2000, 1)), atol=1e-12)
 
 
-@pytest.mark.parametrize("name", ["payload", "gravity_bias", "contact_force"])
+def test_a_turned_base_takes_the_torques_of_an_arm_that_is_described_so():
+    """A base on a wall: the description's first joint turned, not another gravity."""
+    description = CELL.true_arm.description
+    first = description.joint[0]
+    upright = pin.rpy.rpyToMatrix(np.radians(first.rpy_deg))
+    turn = pin.rpy.rpyToMatrix(np.radians([0.0, 90.0, 0.0]))
+    turned = {"xyz": tuple(turn @ first.xyz), "rpy_deg": tuple(np.degrees(pin.rpy.matrixToRpy(turn @ upright)))}
+    joints = [first.model_copy(update=turned), *description.joint[1:]]
+    q = MOTION.q[::500]
+    expected = gravity_torque(Arm(description.model_copy(update={"joint": joints})), q)
+    upright_torque, leaning = gravity_torque(CELL.true_arm, q), "mounting:tilt_deg=90,towards_deg=0"
+    honest, tilted = (
+        Plant(CELL.true_arm, CELL.parameters, make_effects([parse_effect(each)], [1])).run(MOTION, VOLTAGE).recorded.tau
+        for each in (leaning.replace("90", "0"), leaning)
+    )
+    np.testing.assert_allclose((tilted - honest)[::500], expected - upright_torque, atol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["payload", "gravity_bias", "contact_force", "mounting"])
 def test_torque_sensors_feel_what_the_arm_carries(name):
     """They sit after the gear: a weight on the arm is in the log, a friction in the gear is not."""
     honest = Plant(CELL.true_arm, CELL.parameters).run(MOTION, VOLTAGE).recorded.tau

@@ -103,7 +103,11 @@ class Regression:
         return other
 
     def with_columns(self, blocks: Blocks, columns: list[Column]) -> Regression:
-        """The regression with more columns, on the blocks of a design that has them."""
+        """The regression with more columns, on the blocks of a design that has them.
+
+        As for `on`, the columns of this regression have the same values there: their products are not computed again.
+        Where other rows are trusted, all are.
+        """
         other = Regression(blocks, [*self.columns, *columns])
         other._fewer = self._normal if blocks.white.fixed is self.blocks.white.fixed else None
         return other

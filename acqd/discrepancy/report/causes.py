@@ -33,7 +33,8 @@ def believed(closed: Closed) -> Belief | None:
     for name, share in lead.alternatives:
         label = name if name in library() else OUTSIDE
         rivals[label] = max(rivals.get(label, 0.0), share)
-    return given_lead(belief, lead.term.id, lead.confidence, rivals)
+    belief = given_lead(belief, lead.term.id, lead.confidence, rivals)
+    return with_member(belief, OUTSIDE) if closed.largely_unexplained else belief
 
 
 def leading(closed: Closed) -> Reported | None:
@@ -43,6 +44,15 @@ def leading(closed: Closed) -> Reported | None:
     """
     effects = [each for each in closed.improved.effects if each.status != "refused"]
     return max(effects, key=lambda each: math.inf if each.evidence is None else each.evidence, default=None)
+
+
+def text(closed: Closed, belief: Belief) -> str:
+    """The set in a sentence; what explains little is not called the largest cause, however sure its name is."""
+    if leading(closed) is None or not closed.largely_unexplained:
+        return sentence(belief, by_confidence=leading(closed) is not None)
+    known = [f"{name_of(each)} ({percent(belief.probabilities[each])})" for each in belief.members if each != OUTSIDE]
+    part = "explains less than half of what the squared error has grown by"
+    return f"the largest cause may be {name_of(OUTSIDE)}: {' or '.join(known)} {part}"
 
 
 def sentence(belief: Belief, *, by_confidence: bool = False) -> str:
@@ -68,7 +78,7 @@ def as_json(closed: Closed) -> dict[str, Any] | None:
     return {
         "set": list(belief.members),
         "holds": 1 - MISSED,
-        "text": sentence(belief, by_confidence=lead),
+        "text": text(closed, belief),
         "probabilities": {label: share for label, share in belief.probabilities.items() if share >= LEAST},
         "calibrated_on": shipped().source,
         "follows": "confidence" if lead else "standing",

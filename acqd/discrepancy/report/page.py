@@ -69,9 +69,9 @@ def _causes(page: Page, closed: Closed) -> None:
         return
     page.heading("What may be the cause")
     lead = causes.leading(closed) is not None
-    page.text(_sentence(causes.sentence(belief, by_confidence=lead)))
+    page.text(_sentence(causes.text(closed, belief)))
     if lead:
-        page.text("Probabilities are the confidence in the effect that was selected first, and in its rivals.")
+        page.text("Probabilities are the confidence in the effect with the largest evidence, and in its rivals.")
         return
     cases = shipped().source.partition(" (")[0]  # without the names of the plants
     page.text(f"Probabilities are calibrated on {cases}. Plants of another kind may be missed more often.")

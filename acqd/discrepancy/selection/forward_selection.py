@@ -207,9 +207,9 @@ def _settled(state: State) -> State:
 
 
 def _exchanged(state: State, each: Selected, evidence: float) -> State | None:
-    """With the effect that leads in the place of `each` and has more evidence; None without one."""
+    """With another effect that leads in the place of `each` and has more evidence; None without one."""
     step = Step.of(_with_effects(state, tuple(other for other in state.effects if other.key != each.key)))
-    if step is None or step.leader is None or step.leader.finding.evidence <= evidence:
+    if step is None or step.leader is None or step.leader.id == each.id or step.leader.finding.evidence <= evidence:
         return None
     rows, leader = step.accepted()
     state = replace(state, rows=rows, steps=(*state.steps, step.table))

@@ -62,6 +62,26 @@ class GravityBias(Effect):
         return _refined(extra, len(situation.motion)) * self.gate(situation)[:, None]
 
 
+class Mounting(Effect):
+    """The base is not mounted as the robot's description says: gravity pulls in another direction."""
+
+    id = "mounting"
+    summary = "the base is tilted, the arm leans towards a direction in the plane of the base; 180 degrees: a ceiling"
+    strength = ("tilt_deg", "degrees")
+    defaults: ClassVar = {"tilt_deg": 3.0, "towards_deg": 0.0}
+    limits: ClassVar = {"tilt_deg": (-180, 180), "towards_deg": (-360, 360)}
+
+    def external_torque(self, situation: Situation) -> Floats:
+        """Static torque of the arm without its payload, [T, axes] Nm: torque sensors measure it."""
+        tilt, towards = np.radians([self["tilt_deg"], self["towards_deg"]])
+        tilted = Arm(situation.arm.description)
+        pull = [np.sin(tilt) * np.cos(towards), np.sin(tilt) * np.sin(towards), -np.cos(tilt)]
+        tilted.model.gravity.linear = np.linalg.norm(tilted.model.gravity.linear) * np.array(pull)
+        coarse = _coarse(situation.motion.q)
+        extra = gravity_torque(tilted, coarse) - gravity_torque(situation.arm, coarse)
+        return _refined(extra, len(situation.motion)) * self.gate(situation)[:, None]
+
+
 class ContactForce(Effect):
     """The tool presses against a surface."""
 

@@ -45,7 +45,7 @@ class MeterSaturation(Effect):
 
 
 class EncoderBias(Effect):
-    """An axis was mastered wrongly: the logged angle differs from the true angle."""
+    """An axis was mastered wrongly: the logged angle differs from the true angle; the loop says `joint_zero`."""
 
     id = "encoder_bias"
     summary = "the logged angle of one axis has an offset"

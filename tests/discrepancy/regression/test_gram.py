@@ -74,6 +74,43 @@ def test_a_fit_without_a_block_knows_nothing_of_that_block(seed, out):
     np.testing.assert_allclose(without.beta, direct.beta, rtol=1e-6, atol=1e-6)
 
 
+@given(seed=st.integers(0, 2**32 - 1), data=st.data())
+@settings(deadline=None, max_examples=40)
+def test_products_of_a_smaller_or_larger_regression_are_those_of_all_its_columns(seed, data):
+    """Whatever columns came and went, on designs with other values of columns that the regression has not."""
+    random = np.random.default_rng(seed)
+    b, rows, _ = blocks(random, 2)
+
+    def column(index, owner):
+        return Column(index, random.integers(0, 2, BLOCKS) * 1.0, owner=owner, varies=random.choice(["", "a", "b"]))
+
+    everywhere = np.ones(BLOCKS)
+    regression = Regression(b, [Column(0, everywhere), column(1, "")])
+    for what in data.draw(st.lists(st.sampled_from(["solve", "more", "less", "replace", "trust"]), max_size=12)):
+        if what == "solve":
+            regression.normal(everywhere)
+        elif what == "more":
+            regression = regression.with_columns(b, [column(int(random.choice([1, 2, 3, 5])), "a")])
+        elif what == "less":
+            regression = regression.without(random.choice(["a", "b"]))
+        elif what == "replace":  # column 6, which no regression has here
+            rows[:, :, 6] = random.normal(size=(BLOCKS, ROWS))
+            products = np.einsum("bri,brj->bij", rows, rows[:, :, 6:])
+            b = Blocks(b.white.replaced(np.array([6]), list(products)), b.squares, b.rows)
+            regression = regression.on(b)
+        else:  # fewer rows count
+            rows[:, : ROWS // 4] = 0.0
+            whole = np.einsum("bri,brj->bij", rows, rows)
+            fixed = tuple(upper_triangle(each[: FIXED + 1, : FIXED + 1]) for each in whole)
+            b = Blocks(Gram(FIXED, fixed, whole[:, :, FIXED + 1 :]), b.squares, b.rows)
+            regression = regression.with_columns(b, [])
+        weights = random.choice([everywhere, np.array([1.0, 0.0, 1.0])])
+        again = Regression(b, list(regression.columns))
+        for kept, direct in zip(regression.normal(weights), again._add_normal(None, weights), strict=True):
+            prior = np.diag(regression.precision) if kept.ndim == 2 else regression._pull
+            np.testing.assert_allclose(kept, direct + prior, rtol=1e-6, atol=1e-6)
+
+
 @given(seed=st.integers(0, 2**32 - 1))
 @settings(deadline=None, max_examples=30)
 def test_projected_candidates_explain_what_direct_least_squares_explains(seed):

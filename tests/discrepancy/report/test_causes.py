@@ -18,12 +18,18 @@ STANDING = Standing(EVIDENCE, dict.fromkeys(EVIDENCE, (0.0, 0.0)), 500.0, {})
 
 
 def closed(
-    standing=STANDING, reference=("recording",), chosen=None, effects=(), verdict="unknown_structure", mistimed=False
+    standing=STANDING,
+    reference=("recording",),
+    chosen=None,
+    effects=(),
+    verdict="unknown_structure",
+    unexplained=False,
+    mistimed=False,
 ):
     subject = SimpleNamespace(reference=list(reference), chosen=frozenset(chosen or library()))
     return SimpleNamespace(
         selection=SimpleNamespace(standing=standing), subject=subject, improved=SimpleNamespace(effects=effects),
-        verdict=verdict, mistimed=mistimed,
+        verdict=verdict, largely_unexplained=unexplained, mistimed=mistimed,
     )  # fmt: skip
 
 
@@ -51,6 +57,14 @@ def test_a_selected_effect_is_as_probable_as_the_report_says_above():
     assert sum(causes.believed(closed(effects=(sure,))).probabilities.values()) == pytest.approx(1.0)
     refused = replace(sure, status="refused")
     assert causes.as_json(closed(effects=(refused,)))["follows"] == "standing"
+
+
+def test_a_name_that_explains_little_is_not_called_the_largest_cause():
+    sure = replace(found("payload", {"mass": (1.0, 0.4)}), confidence=0.98)
+    assert causes.as_json(closed(effects=(sure,)))["text"] == "the largest cause: payload (98 %)"
+    told = causes.as_json(closed(effects=(sure,), unexplained=True))
+    assert told["set"] == ["payload", OUTSIDE] and told["probabilities"]["payload"] == pytest.approx(0.98)
+    assert told["text"].startswith("the largest cause may be something outside the library: payload (98 %) explains")
 
 
 @pytest.mark.parametrize("verdict", ["nothing_left", "not_identifiable"])

@@ -1,8 +1,16 @@
 """The search: effects made by independent expressions are named, noise and the unknown are not."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from acqd.discrepancy.regression.setup import Comparison, set_up
+from acqd.discrepancy.selection import forward_selection
+from acqd.discrepancy.selection.forward_selection import Limits
+from acqd.discrepancy.selection.judging import kinds_of
+from acqd.discrepancy.selection.session_columns import with_sessions
+from acqd.discrepancy.selection.step import State
 from acqd.models.effects import library
 from acqd.models.effects.substeps import averaged
 from tests.builders import recording
@@ -24,9 +32,9 @@ MORE = {"process_load": 7, "mechanical_power": 7, "stribeck_friction": 6}
 """Recordings of effects that fewer do not show for certain."""
 SIZES = {
     "coulomb_friction": (4.0, {"rel": 0.1}), "payload": (2.0, {"rel": 0.1}), "gear_ripple": (17.3, {"abs": 0.1}),
-    "thermostat": (47.0, {"rel": 0.1}),
+    "thermostat": (47.0, {"rel": 0.1}), "mounting": (0.684, {"rel": 0.1}), "joint_zero": (0.06, {"rel": 0.1}),
 }  # fmt: skip
-"""Nm, kg, periods per turn and s, with the tolerance."""
+"""Nm, kg, periods per turn, s, m/s^2 and rad, with the tolerance."""
 ALWAYS = {"payload", "coulomb_friction", "copper_loss"}
 """The others are slow tests: they run when the loop, or what it imports, has changed."""
 
@@ -60,6 +68,28 @@ def test_a_lower_standby_power_does_not_hide_a_friction(model, robot):
     only = COMMON | {"viscous_friction", "thermal_friction"}
     _, selection = traced(model, robot, both, only=only)
     assert {named.id for named in selection.effects} == {"viscous_friction", "offset_shift"}
+
+
+def test_an_effect_gives_its_place_to_one_that_leads_beside_the_later_ones(model, robot):
+    """The order in which effects were selected decides nothing: here the right one was missing at first."""
+
+    def both(scene, random):
+        return INDEPENDENT["viscous_friction"](scene, random) - 25.0
+
+    sides = [[recording(model, k, add, rows=450, seed=n, start_s=1e9 + 5000 * n) for k in range(4)]
+             for n, add in enumerate((None, both))]  # fmt: skip
+    only = frozenset({"viscous_friction", "coulomb_friction", "offset_shift"})
+    setup = set_up(Comparison(model, robot, sides[1], sides[0], only, frozenset()), lambda _: None)
+    columns = setup.design.columns
+    fewer = replace(columns, candidates=[c for c in columns.candidates if c.id != "viscous_friction"])
+    rows = with_sessions(replace(setup, design=replace(setup.design, columns=fewer)))
+    state = State(rows, rows, tuple(setup.gates), kinds_of(columns.candidates))
+    state, _ = forward_selection._grown(state, Limits(2), lambda _: None)
+    assert {each.id for each in state.effects} == {"coulomb_friction", "offset_shift"}
+    known = replace(state, rows=replace(state.rows, design=replace(state.rows.design, columns=columns)))
+    settled = forward_selection._settled(known)
+    assert {each.id for each in settled.effects} == {"viscous_friction", "offset_shift"}
+    assert len(settled.steps) == len(known.steps) + 1
 
 
 @pytest.mark.slow

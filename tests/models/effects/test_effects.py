@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 
 from acqd.models.effects import library
-from acqd.models.effects.effect import effect_rows_at
-from acqd.models.effects.scene import scene_of
+from acqd.models.effects.effect import effect_rows, effect_rows_at
+from acqd.models.effects.scene import scene_of, segment_scene
 from acqd.models.effects.substeps import SUBSTEPS, substep_motion
 from acqd.models.greybox.model import GreyBox
+from acqd.robot.newton_euler import rotation_of
 from tests.builders import STEP, recording, term
 
 DESIGN_IDS = {
@@ -75,23 +76,33 @@ def test_a_heavy_payload_takes_what_a_model_with_that_body_takes(model):
 
 def test_a_turned_base_takes_what_a_model_with_that_base_takes(model):
     """The rigid body with another base, not the effect's own columns: exact for any angle."""
-    tilt = 0.4
-    turn = np.array([[np.cos(tilt), 0, np.sin(tilt)], [0, 1, 0], [-np.sin(tilt), 0, np.cos(tilt)]])
+    turn = rotation_of((-35.0, 25.0, 0.0))
     chain = model.chain
     turned = replace(
         chain,
         xyz=np.concatenate([chain.xyz[:1] @ turn.T, chain.xyz[1:]]),
         rotation=np.concatenate([(turn @ chain.rotation[0])[None], chain.rotation[1:]]),
     )
-    support = 9.81 * (turn.T[:, 2] - [0, 0, 1])  # gravity's support in the axes of the turned base
+    more = -9.81 * (turn.T[:, 2] - [0, 0, 1])  # of gravity, in the axes of the turned base
     segment = recording(model, 2, seed=9)
     scene, other = (
         scene_of(GreyBox(each, model.layout, model.values, STEP, np.ones(1)), segment.q, segment.signals,
                  segment.start_s, segment.channels)
         for each in (chain, turned)
     )  # fmt: skip
-    rows = effect_rows_at(library()["mounting"], scene, {}, (0, 1, 2), support) @ support
+    rows = effect_rows_at(library()["mounting"], scene, {}, (0, 1, 2), more) @ more
     np.testing.assert_allclose(rows, other.predicted - scene.predicted, atol=1e-6)
+
+
+def test_a_ceiling_is_within_the_bounds_also_where_the_masses_of_the_model_are_too_small(model):
+    scene = segment_scene(model, recording(model, 2, seed=9))
+    (turned,) = [place for place in library()["mounting"].places(scene) if len(place.parameters) == 3]
+    assert all(each.high > 1.2 * 2 * 9.81 for each in turned.parameters)
+
+
+def test_power_does_not_show_the_zero_of_a_vertical_axis(model):
+    rows = effect_rows(library()["joint_zero"], segment_scene(model, recording(model, 2, seed=9)))
+    assert np.abs(rows[:, 0]).max() < 1e-4 < 1.0 < np.abs(rows[:, 1]).max()
 
 
 def test_a_joint_that_stands_elsewhere_takes_what_a_model_takes_there(model):

@@ -53,6 +53,16 @@ def test_an_effect_has_finite_columns_and_its_places_name_them(scene, identity):
     assert isinstance(effect.c_constants(scene.model, dict(effect.shapes[0])), dict)
 
 
+def test_a_base_turns_about_what_its_joints_feel_and_zeros_have_the_unit_of_their_joint(scene):
+    directions = [place.columns for place in library()["mounting"].places(scene)]
+    if scene.axes > 1:
+        assert directions == [(0, 1), (0, 1, 2)]
+    else:  # a pendulum about y, and a slide along x
+        assert directions == [(0,), (0,) if scene.model.layout.sliding else (0, 2)]
+    units = [place.parameters[0].unit for place in library()["joint_zero"].places(scene)]
+    assert units == ["m" if k in scene.model.layout.sliding else "rad" for k in range(scene.axes)]
+
+
 DETECTED_SHAPE = {"joint": 1.0, "periods_per_turn": 100.0, "share_of_time": 0.5}
 
 
@@ -96,7 +106,7 @@ IMPOSSIBLE = {
     "mechanical_power": {"lost share": 3.44, "share": -2.71, "share lost beside the motor": 3.44},
     "meter_gain": {"gain error": -1.2},
     "meter_saturation": {"share lost above": 2.0},
-    "mounting": {"gravity x": 25.0, "gravity z": -25.0},
+    "mounting": {"gravity x": 35.0, "gravity z": -35.0},
     "offset_shift": {"power": -60.0},
     "payload": {"mass": 120.0},
     "process_load": {"power": -5.0},

@@ -105,8 +105,10 @@ def drawn_parameters(effect: str, axes: int, random: np.random.Generator) -> dic
     values: dict[str, float] = {}
     if effect in places:
         values["axis"] = float(random.choice([0, *strong]))
-    if effect in ("gear_ripple", "encoder_bias"):
+    if effect == "gear_ripple":
         values["axis"] = float(random.choice(strong))
+    if effect == "encoder_bias":
+        values["axis"] = float(random.choice(strong[1:]))  # gravity does not see joint 1
     if effect == "gravity_bias":
         values["axis"] = float(random.choice([3, 4] if axes == 7 else [2, 3]))
     ranges = {
@@ -117,6 +119,7 @@ def drawn_parameters(effect: str, axes: int, random: np.random.Generator) -> dic
         "tool_actuation": {"pulse_s": (0.15, 0.5)},
         "thermostat": {"period_s": (60.0, 200.0), "duty": (0.3, 0.65)},
         "regeneration_clipping": {"above_W": (0.0, 5.0)},
+        "mounting": {"towards_deg": (0.0, 360.0)},
         "outside_speed_band": {"speed_rad_s": (0.35, 0.6)},
         "outside_lagging_fan": {"tau_s": (8.0, 25.0)},
     }

@@ -9,8 +9,10 @@ from rich.table import Table
 
 from tools.studies.effects.cases import OUTSIDE_IDS
 
-_UNNAMED = {"encoder_bias", "torque_bias", "spring", *OUTSIDE_IDS}
+_UNNAMED = {"torque_bias", "spring", *OUTSIDE_IDS}
 """Effects of the laboratory that the library does not have an id for: unknown, or nothing, is right."""
+_CALLED = {"encoder_bias": "joint_zero"}
+"""What the library calls effects of the laboratory that have another id there."""
 
 
 def strength(result: dict[str, Any]) -> str:
@@ -22,7 +24,7 @@ def strength(result: dict[str, Any]) -> str:
 
 def outcome(result: dict[str, Any]) -> str:
     """right, second, wrong, unknown, silent; for pairs both, one, none; for what has no id unknown or wrong."""
-    truth = [effect["id"] for effect in result["truth"]]
+    truth = [_CALLED.get(effect["id"], effect["id"]) for effect in result["truth"]]
     report = result["report"]
     named = [effect["id"] for effect in report["effects"]]
     if len(truth) > 1:

@@ -35,7 +35,7 @@ class JointZero(Effect):
     omitted_because = "an FMU assumes joints that stand where their angles say"
 
     def at(self, scene: Scene, shape: Shape) -> Floats:
-        """[N, axes] W per rad by which every joint stands beyond its logged angle."""
+        """[N, axes] W per rad (or m) by which every joint stands beyond its logged angle."""
         return powers(scene, _torques(scene))
 
     def torque(self, scene: Scene, shape: Shape, columns: Sequence[int], coefficients: Floats) -> Floats:
@@ -50,7 +50,7 @@ class JointZero(Effect):
 
 
 def _torques(scene: Scene) -> Floats:
-    """[axes, N, axes] Nm per rad by which a joint stands beyond its logged angle."""
+    """[axes, N, axes] Nm per rad (N, m of prismatic joints) by which a joint stands beyond its logged angle."""
     if "joint_zero" not in scene.moved:
         links = scene.model.group("inertial")[None]
 

@@ -17,6 +17,10 @@ from acqd.robot.newton_euler import Chain, joint_torques
 
 _TILT, _TURNED = 0.05, 0.5
 """Prior deviations over gravity: 3 degrees of a floor or a pedestal; a robot on a wall or under a ceiling."""
+_MOST = 3.0
+"""Over gravity: from upright to hanging it changes by 2; the masses of the model may be too small."""
+_FELT = 1e-6
+"""Of the largest torque: rounding. One joint feels nothing of gravity along its axis."""
 
 
 class Mounting(Effect):
@@ -34,7 +38,7 @@ class Mounting(Effect):
     omitted_because = "an FMU assumes the described mounting"
 
     def at(self, scene: Scene, shape: Shape) -> Floats:
-        """[N, 3] W per m/s^2 of support that the base gives along its x, y and z axis, beside the described one."""
+        """[N, 3] W per m/s^2 by which gravity pulls along the x, y and z axis of the base beside the described one."""
         return powers(scene, _torques(scene))
 
     def torque(self, scene: Scene, shape: Shape, columns: Sequence[int], coefficients: Floats) -> Floats:
@@ -42,20 +46,23 @@ class Mounting(Effect):
         return np.asarray(np.tensordot(coefficients, _torques(scene)[list(columns)], 1))
 
     def places(self, scene: Scene) -> Iterator[Place]:
-        """The base: tilted by a few degrees, or turned over."""
-        most = 2 * GRAVITY  # from upright to hanging
-        for where, axes, usual in (("base, tilted", "xy", _TILT), ("base, turned", "xyz", _TURNED)):
-            own = (Parameter(f"gravity {axis}", "m/s^2", -most, most, usual * GRAVITY) for axis in axes)
-            yield Place(where, tuple(range(len(axes))), tuple(own))
+        """The base: tilted by a few degrees, or turned over; along the axes that some joint feels."""
+        sizes, most = np.abs(_torques(scene)).max(axis=(1, 2)), _MOST * GRAVITY
+        felt = sizes > _FELT * sizes.max()
+        for where, axes, usual in (("base, tilted", (0, 1), _TILT), ("base, turned", (0, 1, 2), _TURNED)):
+            own = tuple(axis for axis in axes if felt[axis])
+            named = (Parameter(f"gravity {'xyz'[axis]}", "m/s^2", -most, most, usual * GRAVITY) for axis in own)
+            if own:
+                yield Place(where, own, tuple(named))
 
 
 def _torques(scene: Scene) -> Floats:
-    """[3, N, axes] Nm per m/s^2 that the base gives the arm along its own axes."""
+    """[3, N, axes] Nm per m/s^2 of gravity along the axes of the base."""
     if "mounting" not in scene.moved:
         still, links = np.zeros_like(scene.q), scene.model.group("inertial")[None]
         scene.moved["mounting"] = np.concatenate(
             [
-                joint_torques(_turned(scene.model.chain, axis), links, scene.q, still, still) / GRAVITY
+                -joint_torques(_turned(scene.model.chain, axis), links, scene.q, still, still) / GRAVITY
                 for axis in range(3)
             ]
         )
@@ -63,7 +70,7 @@ def _torques(scene: Scene) -> Floats:
 
 
 def _turned(chain: Chain, axis: int) -> Chain:
-    """The chain on a base whose axis 0, 1 or 2 points up."""
+    """The chain on a base whose axis 0, 1 or 2 points up: gravity pulls against that axis."""
     turn = np.roll(np.eye(3), 2 - axis, axis=0)  # rows: the axes that become x, y and z
     return replace(
         chain,
