@@ -159,21 +159,6 @@ def test_a_folder_that_takes_no_file_stops_no_row_and_is_said_once(tmp_path, cap
     assert caplog.text.count("will not be noticed") == 1
 
 
-def test_a_later_start_still_names_the_last_recall_for_a_day(database, tmp_path, monkeypatch):
-    first = run(database, tmp_path, 0, 1)
-    assert first.recall == 1 and first.recalled
-    second = run(database, tmp_path, 2)
-    assert (second.recall, second.recalled) == (0, first.recalled), "daemons that were away may come back now"
-    engine = open_database(database)
-    set_number(engine, 1)
-    third = run(database, tmp_path, 3)
-    assert third.recall == 1 and third.recalled not in ("", first.recalled)
-    assert run(database, tmp_path, 4).recalled == third.recalled
-    now = time.time()
-    monkeypatch.setattr("acqd.storage.guard.time.time", lambda: now + 90_000.0)
-    assert run(database, tmp_path, 5).recalled == ""
-
-
 def test_a_recall_whose_commit_fails_is_named_by_the_next_one(database, tmp_path):
     engine = open_database(database)
     writer = Writer(engine, client_id=SINK)
