@@ -50,7 +50,7 @@ def select(setup: Setup, limits: Limits, progress: Callable[[str], None]) -> Sel
     state = State(rows, rows, tuple(setup.gates), kinds_of(setup.design.columns.candidates))
     state, doubt = _grown(state, limits, progress)
     state = _settled(state)
-    if doubt is not None and _explained_by_law(doubt, limits) > _explained_by_names(state, doubt):
+    if doubt is not None and _explained(doubt.before) + _explained_by_law(doubt, limits) > _explained(state):
         table = led_by(doubt.table, doubt.law.finding)
         state = replace(doubt.before, rows=doubt.rows, unknown=doubt.law, table=table, standing=state.standing)
     rows = replace(state.rows, regression=state.rows.regression.on(state.rows.design.blocks))
@@ -155,17 +155,15 @@ def _explained_by_law(doubt: Doubt, limits: Limits) -> float:
     return net if step is None or step.leader is None else net + step.leader.finding.evidence - step.leader.margin
 
 
-def _explained_by_names(state: State, doubt: Doubt) -> float:
-    """Evidence above the margins of the effects that the law would replace, one beside the other.
+def _explained(state: State) -> float:
+    """Evidence above the margins of all selected effects, one beside the other.
 
     What became superfluous had taken a part of the evidence that the others now have.
     """
-    earlier = {each.key for each in doubt.before.effects}
-    names = [each for each in state.effects if each.key not in earlier]
-    rows, known, net = state.rows, list(doubt.before.known), 0.0
-    for each in names:
+    rows, known, net = state.rows, [each.finding for each in state.usual], 0.0
+    for each in state.effects:
         rows = replace(rows, regression=rows.regression.without(each.key))
-    for each in names:
+    for each in state.effects:
         alone = without(rows, each)
         for found in ranked(alone, each.gate.open, [each.finding.candidate]):
             net += found.evidence - margin(alone, each.gate.open, found, known, state.kinds)
