@@ -40,7 +40,9 @@ def test_a_year_of_energy_loses_nothing():
     for _ in range(5):
         register.add(hours_of_windows)
     # The rest of the year in one step, as only integers can do it, then one more window.
-    register._imported[0] += window * (788_400_000 - 5 * 90_000)
+    state = register.state()
+    state["imported"][0] += window * (788_400_000 - 5 * 90_000)
+    register.restore(state)
     before = register.reading()[0][0]
     after = register.add(np.array([[float(window)]])).imported[0, 0]
     exact = Fraction(window) * Fraction(unit)

@@ -42,7 +42,9 @@ def repaired(which):
         term = Term("torque_with_hysteresis", "joint 2", {"joint": 2, "heaviest_Nm": 40.0}, (0, 1), np.ones(2) * 9, {})
         return Augmented(grey(), grey(), [term])
     model = open_model(FOLDER / "all-effects")[1]
-    every = {each.id: each for each in model.terms}
+    newer = [Term("mounting", "base, tilted", {}, (0,), np.ones(1), {}),
+             Term("joint_zero", "joint 2", {}, (1,), np.full(1, 0.05), {})]  # fmt: skip
+    every = {each.id: each for each in (*model.terms, *newer)}
     assert set(library()) == set(every)
     return Augmented(model.base, model.carrier, list(every.values()))
 
