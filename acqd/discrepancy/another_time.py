@@ -14,7 +14,7 @@ from acqd.models.metrics import predictions
 
 
 def another_time(subject: Subject) -> str:
-    """Why no cause can be judged; empty where the delay of the power is none, or one that is corrected.
+    """Why no cause can be judged; empty without a delay, or where the delay is corrected.
 
     At another time the prediction has to explain most of what remains, and in all recordings at about the same: a load
     that follows the motion leaves most as it is.

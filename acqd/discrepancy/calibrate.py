@@ -12,6 +12,7 @@ from typing import Any
 import orjson
 
 from acqd.atomic import complete_folder
+from acqd.discrepancy.another_time import another_time
 from acqd.discrepancy.averaging import with_like_means
 from acqd.discrepancy.config import CloseConfig
 from acqd.discrepancy.recordings import subject_of
@@ -40,13 +41,15 @@ class Calibration:
     scale: TorqueScale
     where: str
     out: Path
+    notes: tuple[str, ...] = ()
+    """What was done to the power before it was compared."""
 
     def as_json(self) -> dict[str, Any]:
         """For `--json`."""
         half = THRESHOLDS.interval_width * self.scale.deviation
         return {
             "out": str(self.out), "known_mass_kg": self.known_kg, "mass_of_model_kg": self.model_kg,
-            "where": self.where,
+            "where": self.where, "notes": list(self.notes),
             KEY: {"value": self.scale.value, "ci95": [self.scale.value - half, self.scale.value + half]},
         }  # fmt: skip
 
@@ -68,7 +71,10 @@ def calibrate(
     if not (math.isfinite(known_kg) and known_kg > 0):
         raise UserError(f"--known-mass {known_kg:g}: expected the mass at the flange, in kg, above 0")
     require_free(config.out)
-    subject, _ = with_like_means(subject_of(config, progress))
+    subject = subject_of(config, progress)
+    if mistimed := another_time(subject):
+        raise UserError(f"{config.dataset}: {mistimed}")
+    subject, notes = with_like_means(subject)
     _, selection = search(config, subject, progress)
     payloads = [each for each in selection.effects if library()[each.id].known_mass]
     if not payloads:
@@ -88,7 +94,7 @@ def calibrate(
             f"is too uncertain; record more motion, and a larger mass{'' if lever_m or not moment else _SAY_CENTRE}"
         )
     _write(config, known_kg, scale)
-    return Calibration(known_kg, value, scale, found.term.where, config.out)
+    return Calibration(known_kg, value, scale, found.term.where, config.out, tuple(notes))
 
 
 def _lever(selection: Selection, payload: Selected, centre_m: float | None) -> float | None:

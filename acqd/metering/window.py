@@ -54,7 +54,7 @@ class OneWindow:
     readings: list[float]
     """kWh: imported of all phases, then exported."""
     flags: list[list[set[str]]] | None
-    """[phases][1] row flags; None: there are none."""
+    """[phases][1] row flags; None: no row has a flag."""
 
 
 class _Columns:

@@ -52,6 +52,8 @@ def calibrate(
     config = CloseConfig(dataset=dataset, bundle=bundle, out=target)
     with Console(stderr=True).status("comparing with the model"):
         result = measure(config, known_mass, lambda _what, _share: None, centre)
+    for note in result.notes:
+        terminal(stderr=True).print(f"acqd: {note}")
     said = result.as_json()
     if json:
         print(orjson.dumps(said).decode())

@@ -69,7 +69,7 @@ def outcome(read: Callable[[str], Any], path: Path) -> str:
 
 
 def judge(library: str, files: int, path: Path) -> None:
-    """Print after every file what came of all files so far: the library may end the process."""
+    """Print after every file the outcomes of all files so far: the library may end the process."""
     module = import_module(library)
     if library == "arro3.io":
 

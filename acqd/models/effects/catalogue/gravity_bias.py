@@ -14,11 +14,10 @@ from acqd.models.effects.bodies import (
     link_torques,
     moments_about,
     point_mass,
-    powers,
     weight_torques,
 )
 from acqd.models.effects.cause import Cause
-from acqd.models.effects.effect import Effect
+from acqd.models.effects.given_torques import GivenTorques
 from acqd.models.effects.limits import Limits
 from acqd.models.effects.places import Parameter, Place, Shape
 from acqd.models.effects.scene import Scene
@@ -33,7 +32,7 @@ _WRIST = 3
 """Last links: a mass there acts on the joints like a payload."""
 
 
-class GravityBias(Effect):
+class GravityBias(GivenTorques):
     """A mass on a link: hoses, a dress pack. A weight without inertia is that of a spring or a missing counterweight.
 
     The first link has no column: its weight acts on no joint when the base is upright.
@@ -45,7 +44,6 @@ class GravityBias(Effect):
     equation = "tau = m Y(q, qd, qdd; link), or m g(q; link)"
     neighbours = ("payload",)
     experiment = "hold ten postures for ten seconds each, and move each joint through the vertical, slowly and fast"
-    acts_on = "torque"
     at_link = True
     simplification = 0.15  # the mass sits 3 cm beside the described centre of mass, whose lever is about 20 cm
     c_body = """
@@ -73,26 +71,12 @@ class GravityBias(Effect):
     }
     """
 
-    def at(self, scene: Scene, shape: Shape) -> Floats:
-        """[N, axes - 1 + 3 u] W/kg of a weight at the described centre of mass of every link from the second on.
+    def torques(self, scene: Scene) -> Sequence[Floats]:
+        """[axes - 1, N, axes] Nm/kg of a weight at the described centre of mass of every link from the second on.
 
-        Then, of the u links below the wrist, W/kg of a mass there, and W/(kg m) of two first moments beside the centre,
-        across the joint's axis.
+        Then [3 u, N, axes], of the u links below the wrist: Nm/kg of a mass there, and Nm/(kg m) of two first moments
+        beside the centre, across the joint's axis.
         """
-        return np.concatenate([powers(scene, each) for each in self._torques(scene)], axis=1)
-
-    def torque(self, scene: Scene, shape: Shape, columns: Sequence[int], coefficients: Floats) -> Floats:
-        """From the bodies' torques."""
-        total, place = np.zeros_like(scene.q), 0
-        for torques in self._torques(scene):
-            for column, coefficient in zip(columns, coefficients, strict=True):
-                if place <= column < place + len(torques):
-                    total += coefficient * torques[column - place]
-            place += len(torques)
-        return total
-
-    def _torques(self, scene: Scene) -> tuple[Floats, Floats]:
-        """[axes - 1, N, axes] Nm/kg of weights; [3 u, N, axes] of masses and first moments."""
         centres = link_centres(scene)
         weights = weight_torques(scene, "weights of links", [(k, centres[k]) for k in range(1, scene.axes)])
         return weights, link_torques(scene, "masses on links", _bodies(scene.model.chain, centres))

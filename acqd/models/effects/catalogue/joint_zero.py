@@ -7,10 +7,9 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from acqd.arrays import Floats
-from acqd.models.effects.bodies import powers
 from acqd.models.effects.cause import Cause
-from acqd.models.effects.effect import Effect
-from acqd.models.effects.places import Parameter, Place, Shape
+from acqd.models.effects.given_torques import GivenTorques
+from acqd.models.effects.places import Parameter, Place
 from acqd.models.effects.scene import Scene
 from acqd.robot.newton_euler import joint_torques
 
@@ -20,7 +19,7 @@ _STEP = 1e-4
 """Of the central difference."""
 
 
-class JointZero(Effect):
+class JointZero(GivenTorques):
     """The arm stands elsewhere than the logged angle says: a joint was mastered again, or a belt has jumped."""
 
     id = "joint_zero"
@@ -29,34 +28,24 @@ class JointZero(Effect):
     equation = "tau = dq dtau/dq(q, qd, qdd)"
     neighbours = ("gravity_bias", "mounting", "payload")
     experiment = "move every joint to its mark of zero, and compare the marks with the logged angles"
-    acts_on = "torque"
     at_link = True
     exported = False
     omitted_because = "an FMU assumes joints that stand where their angles say"
 
-    def at(self, scene: Scene, shape: Shape) -> Floats:
-        """[N, axes] W per rad (or m) by which every joint stands beyond its logged angle."""
-        return powers(scene, _torques(scene))
+    def torques(self, scene: Scene) -> Sequence[Floats]:
+        """[axes, N, axes] Nm per rad (N, m of prismatic joints) by which a joint stands beyond its logged angle."""
+        if "joint_zero" not in scene.moved:
+            links = scene.model.group("inertial")[None]
 
-    def torque(self, scene: Scene, shape: Shape, columns: Sequence[int], coefficients: Floats) -> Floats:
-        """From the torques of every joint's shift."""
-        return np.asarray(np.tensordot(coefficients, _torques(scene)[list(columns)], 1))
+            def at(shift: Floats) -> Floats:
+                return np.asarray(joint_torques(scene.model.chain, links, scene.q + shift, scene.qd, scene.qdd)[0])
+
+            steps = _STEP * np.eye(scene.axes)
+            scene.moved["joint_zero"] = np.stack([(at(step) - at(-step)) / (2 * _STEP) for step in steps])
+        return (np.asarray(scene.moved["joint_zero"]),)
 
     def places(self, scene: Scene) -> Iterator[Place]:
         """Joints one by one: which are mastered again together is a fact of the day, no law."""
         for k in range(scene.axes):
             unit = "m" if k in scene.model.layout.sliding else "rad"
             yield Place(f"joint {k + 1}", (k,), (Parameter("shift", unit, -_LARGEST, _LARGEST, _USUAL),))
-
-
-def _torques(scene: Scene) -> Floats:
-    """[axes, N, axes] Nm per rad (N, m of prismatic joints) by which a joint stands beyond its logged angle."""
-    if "joint_zero" not in scene.moved:
-        links = scene.model.group("inertial")[None]
-
-        def at(shift: Floats) -> Floats:
-            return np.asarray(joint_torques(scene.model.chain, links, scene.q + shift, scene.qd, scene.qdd)[0])
-
-        steps = _STEP * np.eye(scene.axes)
-        scene.moved["joint_zero"] = np.stack([(at(step) - at(-step)) / (2 * _STEP) for step in steps])
-    return np.asarray(scene.moved["joint_zero"])

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from acqd.arrays import Floats
-from acqd.models.effects.bodies import GRAVITY, powers
+from acqd.models.effects.bodies import GRAVITY
 from acqd.models.effects.cause import Cause
-from acqd.models.effects.effect import Effect
-from acqd.models.effects.places import Parameter, Place, Shape
+from acqd.models.effects.given_torques import GivenTorques
+from acqd.models.effects.places import Parameter, Place
 from acqd.models.effects.scene import Scene
 from acqd.robot.newton_euler import Chain, joint_torques
 
@@ -23,7 +23,7 @@ _FELT = 1e-6
 """Of the largest torque: rounding. One joint feels nothing of gravity along its axis."""
 
 
-class Mounting(Effect):
+class Mounting(GivenTorques):
     """Gravity acts in another direction of the base than described: a tilted pedestal, a wall, a ceiling."""
 
     id = "mounting"
@@ -32,18 +32,13 @@ class Mounting(Effect):
     equation = "tau = dg dtau/dg(q)"
     neighbours = ("gravity_bias", "joint_zero", "payload")
     experiment = "turn joint 1 slowly once round with the arm stretched out: a tilt lifts the arm on one side"
-    acts_on = "torque"
     at_link = True
     exported = False
     omitted_because = "an FMU assumes the described mounting"
 
-    def at(self, scene: Scene, shape: Shape) -> Floats:
-        """[N, 3] W per m/s^2 by which gravity pulls along the x, y and z axis of the base beside the described one."""
-        return powers(scene, _torques(scene))
-
-    def torque(self, scene: Scene, shape: Shape, columns: Sequence[int], coefficients: Floats) -> Floats:
-        """From the torques of every axis of the base."""
-        return np.asarray(np.tensordot(coefficients, _torques(scene)[list(columns)], 1))
+    def torques(self, scene: Scene) -> Sequence[Floats]:
+        """[3, N, axes] Nm per m/s^2 by which gravity pulls along x, y and z of the base beside the described one."""
+        return (_torques(scene),)
 
     def places(self, scene: Scene) -> Iterator[Place]:
         """The base: tilted by a few degrees, or turned over; along the axes that some joint feels."""
