@@ -84,6 +84,8 @@ def beforehand(bundle: Path, motion: Path | None, minutes: float | None, progres
     reference = load_reference(bundle)
     if not reference:
         raise UserError(f"{bundle}: the model remembers no recordings, so that their noise is unknown; train it again")
+    if motion is not None and not motion.exists():
+        raise UserError(f"{motion}: no such file or folder; name a dataset, a robot's log or a laboratory program")
     carrier = carrier_in(opened, model)
     if carrier is None:
         raise UserError(f"{bundle}: the model has no grey box for the torques of effects; train --network grey-box")
