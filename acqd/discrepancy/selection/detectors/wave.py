@@ -59,7 +59,9 @@ def search(residuals: list[Floats], whitener: Whitener) -> Wave | None:
     if slowest >= bins // 2:
         return None
     spectra = [np.fft.rfft(each, bins) for each in white]
-    power = sum(np.abs(each) ** 2 / max(len(one), 1) for each, one in zip(spectra, white, strict=True))
+    power = np.zeros(bins // 2 + 1)
+    for spectrum, rows in zip(spectra, white, strict=True):
+        power += np.abs(spectrum) ** 2 / max(len(rows), 1)
     at = slowest + int(np.argmax(power[slowest:-1]))
     turn = 2 * np.pi * at / bins
     order = len(whitener.taps) - 1
