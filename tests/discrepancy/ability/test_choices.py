@@ -28,8 +28,8 @@ def bare(segment):
 
 @pytest.fixture(scope="module")
 def comparison(model, robot):
-    before = [bare(recording(model, k, rows=300, seed=1)) for k in range(3)]
-    after = [bare(recording(model, k, rows=300, seed=2, start_s=1e9 + 5000)) for k in range(3)]
+    before = [bare(recording(model, k, rows=200, seed=1)) for k in range(3)]
+    after = [bare(recording(model, k, rows=200, seed=2, start_s=1e9 + 5000)) for k in range(3)]
     return Comparison(
         model=model, robot=robot, in_question=after, reference=before, chosen=frozenset(CHOSEN), withheld=frozenset()
     )
@@ -98,7 +98,7 @@ def test_torques_help_where_rows_limit_and_never_harm(rows, gate, plan, choices)
 
 
 def test_stand_ins_keep_what_was_recorded(comparison):
-    own = replace(comparison.in_question[0], signals={"tool": np.ones(300)})
+    own = replace(comparison.in_question[0], signals={"tool": np.ones(200)})
     (filled,) = with_signals([own], comparison.model.step_s)
     assert (filled.signals["tool"] == 1).all() and set(filled.signals) == {"tool", "brake"}
     assert 0.9 * 230 < filled.channels["Vrms"].mean() < 1.1 * 230 and filled.P is own.P
