@@ -79,11 +79,11 @@ def _choices(comparison: Comparison, rows: Rows, plan: Ability, longer: float, p
     asked, reference = (with_signals(each, step_s) for each in (comparison.in_question, comparison.reference))
     lacking = [name for name in _SIGNALS if any(name in known[each].needs for each in known if each not in has)]
     if lacking:
-        more = set_up(
+        setup = set_up(
             replace(comparison, in_question=asked, reference=reference),
             lambda share: progress("computing the columns of further signals", share),
         )
-        all_signals = with_sessions(more)
+        all_signals = with_sessions(setup)
         with_all = Ability.planned(all_signals, _open(all_signals), longer, doubled=False)
         for name in lacking:
             reads = [each for each, effect in known.items() if set(effect.needs) == {name}]

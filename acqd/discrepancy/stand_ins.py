@@ -70,10 +70,11 @@ def with_signals(segments: Sequence[Segment], step_s: float) -> list[Segment]:
 
 def _open(segment: Segment, step_s: float) -> Floats:
     """[T] 1 while the brakes are open: they close where the arm rests for long."""
-    moves = (np.abs(segment.motion(step_s)[1]) > NOISE.stick_rad_s).any(axis=1)
+    moves = np.asarray((np.abs(segment.motion(step_s)[1]) > NOISE.stick_rad_s).any(axis=1))
     moves[0] = True
-    last = np.maximum.accumulate(np.where(moves, np.arange(len(moves)), 0))
-    return ((np.arange(len(moves)) - last) * step_s <= BrakeSettings().close_after_s).astype(np.float64)
+    rows = np.arange(len(moves))
+    rests_s = (rows - np.maximum.accumulate(np.where(moves, rows, 0))) * step_s
+    return np.asarray(rests_s <= BrakeSettings().close_after_s, dtype=np.float64)
 
 
 def _voltage(rows: int, step_s: float, random: np.random.Generator) -> Floats:
