@@ -26,7 +26,9 @@ if TYPE_CHECKING:
     from acqd.installation.state import State
 
 app = typer.Typer(help="The services of systemd.", no_args_is_help=True)
-_RootOption = Annotated[Path, typer.Option("--root", help="Folder with the files of another system.")]
+_RootOption = Annotated[
+    Path, typer.Option("--root", exists=True, file_okay=False, help="Folder with the files of another system.")
+]
 _ProgramOption = Annotated[str | None, typer.Option(help="Path of the command acqd (default: this one).")]
 _BackupFile = Annotated[Path, typer.Argument(metavar="FILE", help="Written by acqd service backup.")]
 

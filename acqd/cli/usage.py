@@ -11,7 +11,8 @@ from typer.core import TyperGroup
 from acqd.errors import in_our_words
 
 _WORDS = (
-    (r"^Invalid value for '([^']*)': ", r"\1: "),
+    (r"^Invalid value for '([^']*)'(?: / '[^']*')*: ", r"\1: "),
+    (r": path '(.*)' is not readable$", r": \1: may not be read by this user: check its permissions"),
     (r": Value error, ", ": "),
     (r" is not one of ", ": expected "),
     (r"^No such option: (-[\d.]+)$", r"\1: expected a number that is not negative"),
