@@ -137,7 +137,9 @@ def backup(
         told = {"file": str(path), "bytes": size, "files": len(manifest.entries), "left_out": manifest.left_out}
         print(orjson.dumps(told | {"databases": manifest.databases}).decode())
         return
-    print(f"{path}: {len(manifest.entries)} files and folders, {size / 1e6:.1f} MB")
+    from acqd.report.digits import quantity
+
+    print(f"{path}: {len(manifest.entries)} files and folders, {quantity(size, 'B', 3)}")
     print(f"acqd service restore {path} --check reads it and compares")
     print("".join(f"not in it: {one}\n" for one in manifest.left_out), end="")
 

@@ -15,6 +15,7 @@ _WORDS = (
     (r": path '(.*)' is not readable$", r": \1: may not be read by this user: check its permissions"),
     (r": Value error, ", ": "),
     (r" is not one of ", ": expected "),
+    (r" does not match the formats? .*$", ": expected a time like 2026-11-16T06:00:00 (UTC)"),
     (r"^No such option: (-[\d.]+)$", r"\1: expected a number that is not negative"),
     (r"^No such", "no such"),
     (r"^Missing", "missing"),
