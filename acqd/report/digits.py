@@ -76,9 +76,23 @@ def quantity(value: float | None, unit: str, digits: int = 5) -> str:
     if not value:
         return f"0 {unit}".rstrip()
     size = float(f"{abs(value):.{digits - 1}e}")  # 999999.9 is 1.0000 M
-    power = min(max(math.floor(math.log10(size) / 3), -3), 4) if unit else 0
+    power = _prefix(size) if unit else 0
     scaled = value / 1000.0**power
     return f"{scaled:.{_decimals(size / 1000.0**power, digits)}f} {_PREFIXES[power]}{unit}".rstrip()
+
+
+def quantity_with_interval(value: float, half: float, unit: str) -> str:
+    """A value and its interval with one prefix, as -81 (-132 to -31) mWh; `half` is half its width."""
+    if not (math.isfinite(value) and math.isfinite(half) and half > 0):
+        return quantity(value, unit, 3)
+    power = _prefix(max(abs(value), half))
+    value, half = value / 1000.0**power, half / 1000.0**power
+    return f"{with_error(value, half)} ({interval(value - half, value + half)}) {_PREFIXES[power]}{unit}"
+
+
+def _prefix(size: float) -> int:
+    """Power of 1000 of the prefix that suits a positive number."""
+    return min(max(math.floor(math.log10(size) / 3), -3), 4)
 
 
 def _decimals(size: float, digits: int) -> int:

@@ -9,6 +9,7 @@ from acqd.report.digits import (
     number,
     percent,
     quantity,
+    quantity_with_interval,
     with_error,
 )
 from acqd.report.footer import command
@@ -58,3 +59,12 @@ def test_the_command_of_the_footer_holds_no_credentials():
 )  # fmt: skip
 def test_large_and_small_values_have_prefixes(value, unit, text):
     assert quantity(value, unit) == text
+
+
+@pytest.mark.parametrize(
+    ("value", "half", "text"),
+    [(-0.0814, 0.05, "-81 (-131 to -31) mWh"), (0.0, 12.0, "0 (-12 to 12) Wh"),
+     (1234.0, 8.0, "1.234 (1.226 to 1.242) kWh"), (5.0, 0.0, "5.00 Wh"), (5.0, float("inf"), "5.00 Wh")],
+)  # fmt: skip
+def test_a_value_and_its_interval_have_one_prefix(value, half, text):
+    assert quantity_with_interval(value, half, "Wh") == text
