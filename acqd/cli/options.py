@@ -11,7 +11,6 @@ import typer
 
 from acqd.cli.terminal import terminal
 from acqd.errors import UserError
-from acqd.telemetry.ports import bare_host
 
 if TYPE_CHECKING:  # most commands read no acqd.toml, and its models take a third of a second to build
     from acqd.daemon.config import Config
@@ -26,8 +25,12 @@ ConfigFile = Annotated[
 
 def bare(host: str | None) -> str | None:
     """Callback of options that name a computer: without scheme and port."""
+    if host is None:
+        return None
+    from acqd.telemetry.ports import bare_host
+
     try:
-        return host if host is None else bare_host(host)
+        return bare_host(host)
     except ValueError as error:
         raise typer.BadParameter(str(error)) from None
 
