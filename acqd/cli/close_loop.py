@@ -173,7 +173,7 @@ def _corrected_by(correction: dict[str, Any]) -> str:
 
 
 def _a_year(effect: dict[str, Any]) -> str:
+    from acqd.report.digits import percent, year_text
+
     year = effect["a_year"]
-    interval = f" ({year['kWh_ci95'][0]:.3g} to {year['kWh_ci95'][1]:.3g})" if year["kWh_ci95"] else ""
-    cost = "" if year["EUR"] is None else f", {year['EUR']:.2f} EUR"
-    return f"{effect['id']}: {year['kWh']:.3g} kWh{interval}{cost} a year, moving {year['duty']:.0%} of the time"
+    return f"{effect['id']}: {year_text(year)} a year, moving {percent(year['duty'])} of the time"

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from typing import Any
 
 FEWEST_FOR_INTERVAL = 5
 """Recordings: resampling fewer of them says next to nothing about others."""
@@ -50,6 +52,17 @@ def confidence_interval(bounds: tuple[float, float], recordings: int) -> str:
     """The same with its level, for a tile."""
     text = interval_of(bounds, recordings)
     return text if recordings < FEWEST_FOR_INTERVAL else f"95 %: {text}"
+
+
+def year_text(year: Mapping[str, Any]) -> str:
+    """Energy of a year with its interval and its cost; `year` is `a_year` of an effect in report.json.
+
+    The interval is left out where too few recordings are behind it. Earlier reports did not count the recordings.
+    """
+    bounds = year["kWh_ci95"] if year.get("recordings", FEWEST_FOR_INTERVAL) >= FEWEST_FOR_INTERVAL else None
+    between = f" ({number(bounds[0])} to {number(bounds[1])})" if bounds else ""
+    cost = "" if year["EUR"] is None else f", {number(year['EUR'])} EUR"
+    return f"{number(year['kWh'])} kWh{between}{cost}"
 
 
 def counted(count: int, noun: str) -> str:

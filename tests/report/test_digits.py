@@ -11,6 +11,7 @@ from acqd.report.digits import (
     quantity,
     quantity_with_interval,
     with_error,
+    year_text,
 )
 from acqd.report.footer import command
 
@@ -68,3 +69,11 @@ def test_large_and_small_values_have_prefixes(value, unit, text):
 )  # fmt: skip
 def test_a_value_and_its_interval_have_one_prefix(value, half, text):
     assert quantity_with_interval(value, half, "Wh") == text
+
+
+@pytest.mark.parametrize(("recordings", "text"), [(2, "20.9 kWh, 5.20 EUR"), (5, "20.9 kWh (-33.0 to 75.0), 5.20 EUR")])
+def test_a_year_has_an_interval_where_recordings_suffice(recordings, text):
+    year = {"kWh": 20.94, "kWh_ci95": [-33.0, 75.0], "EUR": 5.2, "recordings": recordings}
+    assert year_text(year) == text
+    del year["recordings"]  # as an earlier version wrote it
+    assert year_text(year) == "20.9 kWh (-33.0 to 75.0), 5.20 EUR"
