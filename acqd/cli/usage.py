@@ -12,6 +12,7 @@ from acqd.errors import in_our_words
 
 _WORDS = (
     (r"^Invalid value for '([^']*)'(?: / '[^']*')*: ", r"\1: "),
+    (r": dir(?:ectory)? '(.*)' does not exist$", r": \1: no such folder"),
     (r": path '(.*)' is not readable$", r": \1: may not be read by this user: check its permissions"),
     (r": Value error, ", ": "),
     (r" is not one of ", ": expected "),
