@@ -65,7 +65,7 @@ def _faults(x: np.ndarray | Floats, size: int) -> Iterator[tuple[int, str]]:
     highest, lowest = int(x.argmax()), int(x.argmin())
     for at in _suspects(x, float(x[highest]), float(x[lowest]), size):
         part = x[at * size : (at + 1) * size + 8].astype(np.float64)
-        if rolled_over(part):
+        if rolled_over(part, size // 2):
             yield at, "rollover"
         elif clipped(part, size // 2):
             yield at, "clipped"
