@@ -302,7 +302,8 @@ def factors(table: Table) -> list[str]:
     return found
 
 
-_PAIR = re.compile(r"(?:^|\s)\w+:(\S+)")
+_PAIR = re.compile(r"(?i)(?:^|\s)CH?\d+:(\S+)")
+"""`CH1:V CH2:A` and `CH1:V, CH2:A` of Siglent."""
 
 
 def _named(table: Table, keys: tuple[str, ...]) -> list[str]:
@@ -311,7 +312,7 @@ def _named(table: Table, keys: tuple[str, ...]) -> list[str]:
         if values := table.preamble.get(key_of(key)):
             if any(key_of(value) == key_of(key) for value in values):  # a table beside another: keys are in the columns
                 return ["", *("" if key_of(value) == key_of(key) else _bare(value) for value in values)]
-            if len(pairs := _PAIR.findall(values[0])) > 1:  # CH1:V CH2:A of Siglent
+            if pairs := _PAIR.findall(" ".join(values)):
                 return _aligned(pairs, table.width)
             return _aligned([_bare(value.removeprefix("Analog:")) for value in _filled(values)], table.width)
     return []

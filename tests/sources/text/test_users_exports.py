@@ -54,6 +54,21 @@ READ = {
         "Record Length,Analog:800\nSample Interval,Analog:1.0E-04\nVertical Units,CH1:V CH2:A\nSource,CH1,CH2\n"
         "Second,Value,Value\n" + SECONDS
     ),
+    "sds1000x_u.csv": (
+        "Record Length,Analog:800,\nSample Interval,Analog:1.000000E-04,\nVertical Units,CH1:V, CH2:A,,\n"
+        "Vertical Scale,1.00, 1.00,,\nHorizontal Units,us,\nSource,CH1,CH2\nSecond,Value,Value\n" + SECONDS
+    ),
+    "hilogger.csv": (
+        '"File name","WAVE0001.CSV","V 1.00"\n"Trigger Time","\'23-11-14 12:00:00"\n'
+        '"Ch","Mode","Range","Comment","Scaling","Ratio","Offset"\n"CH-1","Voltage","600V","mains","Off","-","-"\n'
+        '"CH-2","Current","10A","load","Off","-","-"\n"ALM","Alarm","",""\n'
+        '"Time","CH-1[V]","CH-2[A]","ALM-CH1","Event",\n' + table(T, U, I, row="{},{},{},0,0,")
+    ),
+    "owon.csv": (
+        "Channel :,CH1,CH2\nFrequency :,F=50Hz,F=50Hz\nProbe attenuation :,1X,1X\nTime interval :,100.00uS\n\n"
+        "index,CH1_Voltage(V),CH2_Current(A)\n"
+        + "".join(f"{k},{u:.7g},{i:.7g}\n" for k, (u, i) in enumerate(zip(U, I, strict=True)))
+    ),
     "ca8336.csv": "CA8336\nTime (ms);V1 (V);A1 (A)\n" + table(1e3 * T, U, I, row="{};{};{}"),
     "fluke_fr.csv": "Temps;Entrée A;Entrée B\ns;V;A\n" + SECONDS.replace(",", ";").replace(".", ","),
     "messrate.csv": "Messrate [kHz];10\nSpannung [V];Strom [A]\n" + table(U, I, row="{};{}").replace(".", ","),
