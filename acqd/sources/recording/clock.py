@@ -53,7 +53,7 @@ def of_times(path: Path, times: Floats, quantum: float, given: ChannelMap, first
             "each of its times stands twice, as in an envelope (minimum and maximum); save samples, in sample or "
             "high-resolution mode",
         )
-    coarse = not even and quantum > 0.3 * mean > 0  # several rows share a printed time
+    coarse = not even and quantum > 0.3 * mean > 0 and not _steady(times, step, quantum)
     if span <= 0 or (coarse and quantum > _COARSE * span):
         if given.rate:
             return Clock(mean and 1 / mean if span > 0 and quantum <= 0.02 * span else None, start, notes)
@@ -77,6 +77,15 @@ def of_times(path: Path, times: Floats, quantum: float, given: ChannelMap, first
             f"before, expected an equidistant step of {step:.6g} s; resample it, or give --rate to overrule the column",
         )
     return Clock(float(1 / period), start, notes)
+
+
+def _steady(times: Floats, step: float, quantum: float) -> bool:
+    """Whether times that are printed in steps as large as theirs are even but for pauses.
+
+    Where several rows share a printed time, or rounding leaves a time out, steps are 0 or twice as long.
+    """
+    steps = np.diff(times)
+    return bool(((np.abs(steps - step) < 0.5 * quantum) | (steps > 2.5 * step)).all()) and step > 0.5 * quantum
 
 
 def _pauses(times: Floats, step: float, slack: float) -> Clock | None:

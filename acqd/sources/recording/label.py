@@ -133,7 +133,7 @@ def phase_field(text: str, machine: bool = False) -> list[Reading]:
 
     `machine`: the fields name phases U, V, W, of which two are letters of a voltage, too.
     """
-    words = _words(_latin(text))
+    words = [word for word in _words(_latin(text)) if word not in _FILLER]
     if not words:
         return []
     if machine and len(words) == 1 and words[0] in ("u", "v", "w"):

@@ -23,7 +23,7 @@ DISAGREE = "its name and its phase field"
 
 def roles_of(channels: list[Channel]) -> list[Role]:
     """One role per channel."""
-    stated, channels = channels, _from_one(_without_default(channels))
+    stated, channels = channels, _from_one(_without_units(_without_default(channels)))
     machine = {"U", "V", "W"} <= {channel.phase.strip().upper() for channel in channels}
     candidates = [_candidates(channel, machine) for channel in channels]
     if any(re.search(r"(?i)[uv]l?(11|22|33)$", channel.name.strip()) for channel in channels):
@@ -42,6 +42,22 @@ def _without_default(channels: list[Channel]) -> list[Channel]:
     fields = {channel.phase.strip() for channel in channels}
     phases = {one.phases for channel in channels for one in readings(channel.name) if one.family in _ALONE}
     return [replace(channel, phase="") for channel in channels] if len(fields) == 1 and len(phases) > 1 else channels
+
+
+_BRACKETED = re.compile(r"(.+?)\s*[\[(]([kKmMuµ]?[VAva])[\])]")
+
+
+def _without_units(channels: list[Channel]) -> list[Channel]:
+    """Without the units that all names end with, as in `IAW(A)`; `Current (A)` beside `Current (B)` names a phase."""
+    found = [_BRACKETED.fullmatch(channel.name.strip()) for channel in channels]
+    units: dict[str, set[str]] = defaultdict(set)
+    for channel, one in zip(channels, found, strict=True):
+        units[channel.unit.strip()[-1:].upper()].add(one[2][-1].upper() if one else "")
+    same = {unit for unit, seen in units.items() if seen == {unit}}
+    return [
+        replace(channel, name=one[1]) if one is not None and one[2][-1].upper() in same else channel
+        for channel, one in zip(channels, found, strict=True)
+    ]
 
 
 _INDEXED = re.compile(r"(?i)_?((?:[UVI](?:L|LN|L_N)?|voltage|current))\[([0-9])\]")

@@ -146,7 +146,8 @@ def split_label(label: str, labels: Iterable[str] = ()) -> tuple[str, str]:
     tail = _TAIL.match(text)
     if tail and _is_unit(tail.group(3)):
         stem, between, last = tail.group(1).strip(), tail.group(2).strip().lower(), tail.group(3)
-        phase = between != "in" and _is_phase(tail.group(1), last)
+        machine = last in ("V", "v", "W", "w") and _has_sibling(text, labels)  # u_u, u_v, u_w
+        phase = between != "in" and (_is_phase(tail.group(1), last) or machine)
         if phase and between in ("/", ","):  # I / A, as ISO 80000-1 writes it
             phase = any(one.quantity == "u" for one in readings(stem)) or _has_sibling(text, labels)
         if not phase:
@@ -217,5 +218,5 @@ def _is_phase(stem: str, tail: str) -> bool:
 
 def _has_sibling(label: str, labels: Iterable[str]) -> bool:
     """Whether another label differs by the letter of another phase only: `Current/A` beside `Current/B`."""
-    others = {"A": "BC", "a": "bc", "S": "RT", "s": "rt"}.get(label[-1], "")
+    others = {"A": "BC", "a": "bc", "S": "RT", "s": "rt", "V": "UW", "v": "uw", "W": "UV", "w": "uv"}.get(label[-1], "")
     return not {label[:-1] + other for other in others}.isdisjoint(one.strip().strip('"').strip() for one in labels)

@@ -218,3 +218,13 @@ def test_what_is_named_like_the_phases_is_not_left_out():
         metered(" ".join(f"{q}_Fase_{x}|{u}" for q, u in (("Tensao", "V"), ("Corrente", "A")) for x in "ABV"))
     assert len(metered("U_Fase_A U_Fase_B U_Fase_N I_Fase_A I_Fase_B I_Fase_N")) == 4
     assert metered("V1|V A1|A V2|V A2|A") == {"u1": "V1", "i1": "A1", "u2": "V2", "i2": "A2"}
+
+
+def test_units_in_names_and_words_in_phase_fields():
+    assert metered("VAY(kV)|kV VBY(kV)|kV VCY(kV)|kV IAW(A)|A IBW(A)|A ICW(A)|A")["i3"] == "ICW(A)"
+    assert metered("Current(A)|A Current(B)|A Current(C)|A V(A)|V V(B)|V V(C)|V")["i2"] == "Current(B)"
+    listed = channels("Voltage|V|PhA Voltage|V|PhB Voltage|V|PhC Current|A|PhA Current|A|PhB Current|A|PhC")
+    assert [role.key for role in roles_of(listed)] == ["u1", "u2", "u3", "i1", "i2", "i3"]
+    names = ["u_u", "u_v", "u_w", "i_u", "i_v", "i_w"]
+    assert [split_label(name, names) for name in names] == [(name, "") for name in names]
+    assert split_label("u1_v", ["u1_v", "i1_a"]) == ("u1", "v")
