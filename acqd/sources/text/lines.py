@@ -57,7 +57,7 @@ class Text:
             last = last[1:]  # cut off by the reading
         ends = [k for k, line in enumerate(last) if is_row(line)]
         below = last[ends[-1] + 1 :] if ends else []
-        self.below = below if any(line.strip() for line in below) else []
+        self.below = below if any(line.strip(" \t\r\n\0") for line in below) else []
 
     def lines(self) -> Iterator[str]:
         """All lines. Raises InputError for bytes that are no text."""
