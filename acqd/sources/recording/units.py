@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
-from acqd.sources.recording.label import readings
+from acqd.sources.recording.label import readings, says_a_quantity_alone
 
 Quantity = Literal["u", "i", "t", ""]
 """Voltage, current, time; empty: another quantity, or none that is known."""
@@ -125,8 +125,8 @@ def split_label(label: str, labels: Iterable[str] = ()) -> tuple[str, str]:
     """Name and unit of a header such as `u1 [kV]`, `Time (s)`, `U1/V`, `i1 in mA`, `t_ms`; the unit may be "".
 
     A tail without brackets is a unit only if the table has it: `I_A` is the current of phase A, `i1_A` a current in A,
-    `U_S` the voltage of phase S, `t_s` a time in s. `U / A` is a voltage of phase A and
-    `I / A` a current in A, unless one of the `labels` beside it is `I / B`.
+    `U_S` the voltage of phase S, `t_s` a time in s, `u_v` beside `u_u` and `u_w` that of phase V.
+    `U / A` is a voltage of phase A and `I / A` a current in A, unless one of the `labels` beside it is `I / B`.
     """
     text = label.strip().strip('"').strip()
     found = _BRACKETS.match(text)
@@ -146,7 +146,7 @@ def split_label(label: str, labels: Iterable[str] = ()) -> tuple[str, str]:
     tail = _TAIL.match(text)
     if tail and _is_unit(tail.group(3)):
         stem, between, last = tail.group(1).strip(), tail.group(2).strip().lower(), tail.group(3)
-        machine = last in ("V", "v", "W", "w") and _has_sibling(text, labels)  # u_u, u_v, u_w
+        machine = last in ("V", "v", "W", "w") and says_a_quantity_alone(stem) and _has_sibling(text, labels)
         phase = between != "in" and (_is_phase(tail.group(1), last) or machine)
         if phase and between in ("/", ","):  # I / A, as ISO 80000-1 writes it
             phase = any(one.quantity == "u" for one in readings(stem)) or _has_sibling(text, labels)

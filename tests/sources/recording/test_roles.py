@@ -228,3 +228,4 @@ def test_units_in_names_and_words_in_phase_fields():
     names = ["u_u", "u_v", "u_w", "i_u", "i_v", "i_w"]
     assert [split_label(name, names) for name in names] == [(name, "") for name in names]
     assert split_label("u1_v", ["u1_v", "i1_a"]) == ("u1", "v")
+    assert split_label("L1_V", ["L1_V", "L1_A", "L1_W"]) == ("L1", "V")
