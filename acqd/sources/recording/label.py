@@ -175,6 +175,8 @@ def _special(words: list[str], quantity: Letter) -> Reading | None:
         return Reading("residual", kind)
     residual = [word for word in words if _RESIDUAL.match(word)]
     phases = [word for word in words if word not in residual and word not in _FILLER and _single(word)]
+    if any(len(word) > 1 and word[0] == "i" for word in residual):  # IN-1: of feeder 1
+        phases = [word for word in phases if not word.isdigit()]
     if residual and not phases:
         return Reading("residual", kind)
     return None

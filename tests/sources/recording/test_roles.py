@@ -225,6 +225,7 @@ def test_units_in_names_and_words_in_phase_fields():
     assert metered("Current(A)|A Current(B)|A Current(C)|A V(A)|V V(B)|V V(C)|V")["i2"] == "Current(B)"
     listed = channels("Voltage|V|PhA Voltage|V|PhB Voltage|V|PhC Current|A|PhA Current|A|PhB Current|A|PhC")
     assert [role.key for role in roles_of(listed)] == ["u1", "u2", "u3", "i1", "i2", "i3"]
+    assert metered("VA|V VB|V VC|V IA-1|A IB-1|A IC-1|A IN-1|A")["i1"] == "IA-1"
     names = ["u_u", "u_v", "u_w", "i_u", "i_v", "i_w"]
     assert [split_label(name, names) for name in names] == [(name, "") for name in names]
     assert split_label("u1_v", ["u1_v", "i1_a"]) == ("u1", "v")
