@@ -47,9 +47,9 @@ class Wave:
 def search(residuals: list[Floats], whitener: Whitener) -> Wave | None:
     """The sine that explains most of residuals [T] W per segment; None in segments too short for the slowest.
 
-    White rows of a sine are a sine, whatever the whitener's gain is there: the periodogram of white rows is the squared
-    error that the best sine of every frequency takes away (Schuster 1898). A fraction of a period is a curve like any
-    other, and the slowest sine has as many periods as that of a ripple.
+    White rows of a sine are a sine, whatever the whitener's gain is there: the periodogram of white rows is the
+    log-likelihood ratio of the best sine of every frequency (Schuster 1898). A fraction of a period is a curve like any
+    other: the slowest sine has as many periods as the slowest ripple.
     """
     white = [whitener.apply(each) for each in residuals]
     longest = max((len(each) for each in white), default=0)
