@@ -36,7 +36,7 @@ from acqd.metering.trial import Trial
 __all__ = ["Kernel", "Metered", "why_not"]
 LiveMetered = tuple[float, int, list[float], list[float]]
 """Of one window: f [Hz], mark as in `Metered.marks`, VRMS to REACTIVE of `layout` of all phases each, and kWh: imported
-of all phases, then exported. A tuple: an object would take 0.3 us longer to make."""
+of all phases, then exported. A tuple, for an object takes longer to make."""
 _MOST_TRIALS = 256  # 5 Hz of wander; 16 MB at 1200 samples
 _KEPT = ("trial", "last", "change", "apart", "known", "follows")
 """Fields of the state that one window leaves for the next."""
