@@ -63,7 +63,7 @@ def cells(bill: Statement, one: Period) -> tuple[str, ...]:
     return (
         bill.label(one),
         _energy(one), watts(one.mean_W), watts(one.max_W), watts(one.demand.W if one.demand else None), euros(one),
-        "-" if one.co2_kg is None else f"{number(float(one.co2_kg))} kg", "-" if share is None else percent(share),
+        emitted(one), "-" if share is None else percent(share),
         duration(missing) if missing else "",
     )  # fmt: skip
 
@@ -84,6 +84,11 @@ def euros(one: Period) -> str:
     return "-" if one.cost is None else f"{'>= ' if one.unpriced_nWh else ''}{float(one.cost):.2f} EUR"
 
 
+def emitted(one: Period) -> str:
+    """Kg CO2; a lower bound where energy has no factor."""
+    return "-" if one.co2_kg is None else f"{'>= ' if one.no_co2_nWh else ''}{number(float(one.co2_kg))} kg"
+
+
 def comparison_text(bill: Statement) -> str:
     """The comparison with the range before, in words."""
     before = bill.before
@@ -102,7 +107,7 @@ def _verdict(bill: Statement) -> Verdict:
     if total.cost is not None:
         figures.append(KeyFigure("cost", euros(total), bill.tariff.name if bill.tariff else ""))
     if total.co2_kg is not None:
-        figures.append(KeyFigure("CO2", f"{number(float(total.co2_kg))} kg"))
+        figures.append(KeyFigure("CO2", emitted(total)))
     if share is not None and total.standby_nWh is not None:
         figures.append(KeyFigure("standby", percent(share), f"{total.standby_nWh / NWH_PER_KWH:.3f} kWh at rest"))
     capacity = bill.capacity_EUR

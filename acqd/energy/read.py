@@ -136,6 +136,8 @@ def channel_of(connection: sa.Connection, device: str, begin: int, end: int) -> 
     channels = stored.channels(connection, device, begin, end)
     if "total" in channels:
         return "total"
+    if not channels and stored.stored_span(connection, device) is None:
+        raise NoRowsError(f"device {device!r} has no rows in this database at all")
     if not channels:
         raise NoRowsError(
             f"device {device!r} has no rows {_from_to(begin, end, UTC)}, only {span_text(connection, device)}; choose "
