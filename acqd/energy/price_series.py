@@ -51,7 +51,7 @@ def read_series(path: Path, unit: str) -> Series:
     if len(rows) < 2 or len(rows[0]) < 2 or rows[0][0].strip().lower() != "time":
         raise InputError(path, "expected a header with the columns time and price, and rows below it")
     for number, row in enumerate(rows[1:], start=2):
-        if any(cell.strip() for cell in row[len(rows[0]) :]):  # 12,5 with commas between the columns would be read as 12
+        if any(cell.strip() for cell in row[len(rows[0]) :]):  # 12,5 between commas
             raise InputError(path, f"line {number}: {len(row)} values, the header has {len(rows[0])}")
     start = [_time(path, number, row) for number, row in enumerate(rows[1:], start=2)]
     values = [_value(path, number, row, delimiter) * UNITS[unit] for number, row in enumerate(rows[1:], start=2)]

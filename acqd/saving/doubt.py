@@ -92,31 +92,27 @@ def _successive(day: np.ndarray) -> np.ndarray:
     return np.flatnonzero(day[1:] == day[:-1])
 
 
-def _without_level(values: Floats, session: np.ndarray) -> Floats:
-    """[n] values without the mean of their session; `session` [n] counts from 0."""
-    return np.asarray(values - (np.bincount(session, values) / np.bincount(session))[session])
-
-
 def _fitted(power: Floats, error: Floats, day: np.ndarray) -> tuple[Floats, float]:
     """[c, c] second moments of the factors, and the variance that they leave, W^2.
 
-    From blocks in the order of time: [n, c] W of parts, [n] W of residual, [n] session. The level of a session is free.
+    From blocks in the order of time: [n, c] W of parts, [n] W of residual, [n] session. Differences of successive
+    blocks of a session are regressed: the level of a session is free, and what wanders in minutes does not count.
     """
-    session = np.unique(day, return_inverse=True)[1]
-    x = np.column_stack([_without_level(column, session) for column in power.T])
-    y, count = _without_level(error, session), len(error)
     successive = _successive(day)
-    square, moments, variances, evidences = x.T @ x, [], [], []
+    x = np.diff(power, axis=0)[successive] / np.sqrt(2)
+    y = np.diff(error)[successive] / np.sqrt(2)
+    square, count = x.T @ x, len(y)
+    moments, variances, evidences = [], [], []
     for prior in _FACTORS:
-        variance = float(y.var()) + 1e-12
+        variance = float(y @ y) / count + 1e-12
         for _ in range(_ROUNDS):  # the scatter that the factors leave decides how well they are known
             unknown = np.linalg.inv(square / variance + np.eye(x.shape[1]) / prior**2)
             found = unknown @ x.T @ y / variance
             taken = float(np.trace(unknown @ square)) / variance  # effective number of parameters
-            jumps = np.diff(y - x @ found)[successive]
-            variance = float(jumps @ jumps) / (2 * len(jumps)) * count / max(count - taken, 1.0) + 1e-12
+            left = y - x @ found
+            variance = float(left @ left) / max(count - taken, 1.0) + 1e-12
         _, log_det = np.linalg.slogdet(np.eye(x.shape[1]) + prior**2 / variance * square)
-        evidences.append(-(count * np.log(variance) + log_det + y @ (y - x @ found) / variance) / 2)
+        evidences.append(-(count * np.log(variance) + log_det + y @ left / variance) / 2)
         moments.append(np.outer(found, found) + unknown)
         variances.append(variance)
     weights = np.exp(np.array(evidences) - max(evidences))

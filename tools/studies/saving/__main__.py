@@ -68,6 +68,7 @@ def judged(runner: Runner, number: int, seconds: float) -> list[dict[str, Any]]:
         waiting = block.instead.use.seconds - found.equal.instead.use.seconds
         whole = _waiting(program, waiting)
         before = energy(plant, whole, np.ones(len(whole.q)))
+        now = block.instead.use.causes
         executed: dict[float, tuple[float, list[str]]] = {}  # the best together is often one of the single changes
         for each in block.proposals:
             longer_s = each.use.seconds - found.before.seconds
@@ -82,6 +83,7 @@ def judged(runner: Runner, number: int, seconds: float) -> list[dict[str, Any]]:
                     "plant": world.name, "program": number, "block": title, "name": each.name,
                     "before_J": before, "predicted_J": each.saving, "half_J": each.half, "measured_J": before - after,
                     "verdict": each.verdict, "violations": broken, "again": again,
+                    "change_J": {cause: used - each.use.causes.get(cause, 0.0) for cause, used in now.items()},
                 }
             )  # fmt: skip
     done.write_text(json.dumps(lines))
