@@ -16,7 +16,7 @@ from pydantic import Field, ValidationError
 
 from acqd.energy.periods import parse_shifts, zone_of
 from acqd.energy.price_series import Series, read_series
-from acqd.errors import InputError, UserError, in_our_words
+from acqd.errors import InputError, UserError, in_our_words, place_in_file
 from acqd.section import FileName, Section
 
 _DAYS = ("mon", "tue", "wed", "thu", "fri", "sat", "sun")
@@ -156,7 +156,7 @@ def load_tariff(path: Path, zone: str | None = None) -> Tariff:
         said = in_our_words(first["msg"])
         if first["type"] == "extra_forbidden" and len(first["loc"]) == 1:
             said += f" The keys are {', '.join(_File.model_fields)}"
-        raise InputError(path, f"{'.'.join(map(str, first['loc']))}: {said}") from None
+        raise InputError(path, f"{place_in_file(first['loc'])}: {said}") from None
     try:
         return _tariff(path, given, zone)
     except InputError:

@@ -129,6 +129,7 @@ TARIFFS = {
     '[[time_of_use]]\nprice = 0.3\n[[time_of_use]]\nprice = 0.2\ndays = "sun"\n': "both give a price for sun 00:00",
     "price = 0.3\nprise = 0.2\n": "prise: there is no such key",
     "price = '0.3'\n": "price: expected a number",
+    "[[time_of_use]]\nprice = 1\n[[time_of_use]]\nprice = 'a'\n": "time_of_use 2.price: expected a number",
     '[series]\nfile = "huge.csv"\nunit = "EUR/MWh"\n': "line 2: value '1e400' is no price",
     '[series]\nfile = "tiny.csv"\nunit = "EUR/MWh"\n': "no value at",  # and no fraction of 10^9 digits
     'zone = "Europe/Atlantis"\nprice = 0.3\n': "Europe/Atlantis",

@@ -111,6 +111,7 @@ def summary(lines: list[dict[str, Any]]) -> dict[str, Any]:
     """Figures over all programs."""
     known = [each for each in lines if each["half_J"] is not None and not each["again"]]
     within = [abs(each["measured_J"] - each["predicted_J"]) <= each["half_J"] for each in known]
+    relative = [(each["measured_J"] - each["predicted_J"]) / each["half_J"] for each in known]
     worse = [each for each in known if each["verdict"] == "saves" and each["measured_J"] < 0]
 
     def median(block: str, name: str, key: str) -> float:
@@ -123,6 +124,8 @@ def summary(lines: list[dict[str, Any]]) -> dict[str, Any]:
         "programs": len({(each["plant"], each["program"]) for each in lines}),
         "proposals": len(known), "within_interval": sum(within), "coverage": float(np.mean(within)) if known else None,
         "coverage_error": _jackknife(np.array(within), plants), "one_plant_correlation": _alike(known, plants),
+        "error_in_half_widths_rms": float(np.sqrt(np.mean(np.square(relative)))) if known else None,
+        "median_half_width": float(np.median([each["half_J"] / each["before_J"] for each in known])) if known else None,
         "said_to_save": sum(each["verdict"] == "saves" for each in known), "of_these_worse": len(worse),
         "unprovable": sum(each["verdict"] == "unprovable" for each in known),
         "best_within_interval": sum(abs(each["measured_J"] - each["predicted_J"]) <= each["half_J"] for each in best),
