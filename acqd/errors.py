@@ -62,7 +62,7 @@ def _one_line(text: str) -> str:
 
 
 def place_in_file(keys: Sequence[int | str]) -> str:
-    """A key of a TOML file in words, with tables and values counted from 1, as messages about steps do: step 3.speed."""
+    """A key of a TOML file in words, with tables and values counted from 1 as in other messages: step 3.speed."""
     place = ""
     for key in keys:
         place += f" {key + 1}" if isinstance(key, int) else f".{key}" if place else key
