@@ -9,7 +9,7 @@ from itertools import chain
 import numpy as np
 
 from acqd.arrays import Floats
-from acqd.motion.controller import Motion
+from acqd.motion.controller import RATE, Motion
 from acqd.motion.program_file import Program
 from acqd.saving.cycle import Rest, Stretch, continuous, joined
 from acqd.saving.plan import UNIFORM, Change, Cycle, Piece, Timing
@@ -91,6 +91,8 @@ class LogCycle(Cycle):
 
     def timed(self, change: Change, durations: Sequence[float]) -> tuple[Motion, Program | None]:
         """The motion at 1 kHz."""
+        rounded_s = sum(round(each * RATE) for each in durations) / RATE
+        late_s = sum(durations) - rounded_s  # the last rest takes it, so that nothing is saved by rounding
         left = chain(durations)
         parts = []
         for part, recorded in zip(self._parts, self.recorded, strict=True):
@@ -99,6 +101,7 @@ class LogCycle(Cycle):
                 continue
             seconds = next(left)
             if isinstance(part, Rest):
+                seconds += late_s if part is self._parts[-1] else 0.0
                 parts.append(part.lasting(seconds, change.brakes_after))
             elif change.law and isinstance(part, StretchTiming):
                 parts.append(part.motion(change.law, seconds))

@@ -41,6 +41,7 @@ def options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("out", type=Path, metavar="OUT")
     parser.add_argument("--programs", type=int, default=3, help="per plant")
+    parser.add_argument("--first", type=int, default=0, help="number of the first program: others are other programs")
     parser.add_argument("--plants", type=int, default=1, help="per robot")
     parser.add_argument("--robots", nargs="+", default=["ur10e", "iiwa7_r800", "fr3"], help="shipped descriptions")
     parser.add_argument("--seconds", type=float, default=40.0, help="of a program")
@@ -170,7 +171,7 @@ def main() -> None:
         for robot, k in product(given.robots, range(given.plants))
     ]
     lines: list[dict[str, Any]] = []
-    tasks = list(product(worlds, range(given.programs)))
+    tasks = list(product(worlds, range(given.first, given.first + given.programs)))
     for world, number in track(tasks, "programs", console=Console(stderr=True)):
         runner = Runner(given.out.resolve(), world, "saving", None)
         try:
