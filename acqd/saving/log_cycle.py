@@ -91,8 +91,8 @@ class LogCycle(Cycle):
 
     def timed(self, change: Change, durations: Sequence[float]) -> tuple[Motion, Program | None]:
         """The motion at 1 kHz."""
-        rounded_s = sum(round(each * RATE) for each in durations) / RATE
-        late_s = sum(durations) - rounded_s  # the last rest takes it, so that nothing is saved by rounding
+        # what rounding to rows leaves of the others, the last rest takes, so that nothing is saved by it
+        late_s = sum(each - round(each * RATE) / RATE for each in durations[:-1])
         left = chain(durations)
         parts = []
         for part, recorded in zip(self._parts, self.recorded, strict=True):
