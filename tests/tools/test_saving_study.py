@@ -24,7 +24,7 @@ def test_a_log_that_is_replayed_uses_what_the_program_used(tmp_path):
     assert violations(plant, again, own) == []
     still = np.ones(len(program.q))
     assert energy(plant, again, still) == pytest.approx(energy(plant, program, still), rel=1e-3)
-    assert "speed" in violations(plant, type(program)(again.q, 9 * again.qd, again.qdd), program)
+    assert "speed" in violations(plant, type(program)(again.q, 9 * again.qd, again.qdd), own)
 
 
 def test_figures_count_proposals():
