@@ -91,9 +91,7 @@ class LogCycle(Cycle):
 
     def timed(self, change: Change, durations: Sequence[float]) -> tuple[Motion, Program | None]:
         """The motion at 1 kHz."""
-        # what rounding to rows leaves of the others, the last rest takes, so that nothing is saved by it
-        late_s = sum(each - round(each * RATE) / RATE for each in durations[:-1])
-        left = chain(durations)
+        left = chain(self._rounded(durations))
         parts = []
         for part, recorded in zip(self._parts, self.recorded, strict=True):
             if isinstance(part, Stretch):
@@ -101,10 +99,18 @@ class LogCycle(Cycle):
                 continue
             seconds = next(left)
             if isinstance(part, Rest):
-                seconds += late_s if part is self._parts[-1] else 0.0
                 parts.append(part.lasting(seconds, change.brakes_after))
             elif change.law and isinstance(part, StretchTiming):
                 parts.append(part.motion(change.law, seconds))
             elif isinstance(recorded, Stretch):
                 parts.append(recorded.motion)
         return joined(continuous(parts)), None
+
+    def _rounded(self, durations: Sequence[float]) -> list[float]:
+        """Durations in whole rows; the longest rest takes what rounding leaves, so that nothing is saved by it."""
+        rows = [round(each * RATE) for each in durations]
+        rests = [k for k, piece in enumerate(self.pieces) if isinstance(piece, Rest)]
+        if rests:
+            longest = max(rests, key=rows.__getitem__)
+            rows[longest] = max(rows[longest] + round(sum(durations) * RATE) - sum(rows), 0)
+        return [each / RATE for each in rows]
