@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 _MOST, _TAIL = 2000, 300  # characters of a message, and of its end if its middle is left out
@@ -58,6 +59,14 @@ def _one_line(text: str) -> str:
     if len(text) > _MOST:
         text = f"{text[: _MOST - _TAIL]} [...] {text[-_TAIL:]}"
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text.rstrip())
+
+
+def place_in_file(keys: Sequence[int | str]) -> str:
+    """A key of a TOML file in words, with tables and values counted from 1 as in other messages: step 3.speed."""
+    place = ""
+    for key in keys:
+        place += f" {key + 1}" if isinstance(key, int) else f".{key}" if place else key
+    return place
 
 
 def without_number(error: object) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import pairwise
@@ -53,6 +53,9 @@ class Period:
     unpriced_nWh: int
     """Energy over a change of the price where rows lack."""
     co2_kg: Fraction | None
+    """Kg of what has a factor; None without one or without energy."""
+    no_co2_nWh: int
+    """Energy over a change of the factor where rows lack."""
     standby_nWh: int | None
 
     @property
@@ -127,6 +130,7 @@ def sum_of(periods: Sequence[Period]) -> Period:
         sum(energy for energy in energies if energy is not None) if any(e is not None for e in energies) else None,
         min(one.known_s for one in periods), sum(means) if means else None, None, None,
         _sum(costs), sum(one.unpriced_nWh for one in periods) + without, _sum(co2),
+        sum(one.no_co2_nWh for one in periods),
         None if None in standby else sum(one for one in standby if one is not None),
     )  # fmt: skip
 
@@ -140,6 +144,7 @@ class _Priced:
     """Cost and CO2 of stretches; import and export of a quarter hour are netted, as the register nets them."""
 
     def __init__(self, stretches: Stretches, tariff: Tariff | None, since: int) -> None:
+        self._stretches, self._since = stretches, since
         within = (stretches.kind == Kind.KNOWN) & (stretches.start >= since)
         moments = stretches.start[within]
         prices = None if tariff is None or not len(moments) else tariff.prices(moments)
@@ -151,33 +156,53 @@ class _Priced:
         self.cost_unit = self.co2_unit = Fraction(1)
         """What `cost` counts [EUR] and `co2` [kg]: integers add up faster than fractions, and as exactly."""
         self.unpriced: set[int] = set()
+        self.no_co2: set[int] = set()
+        imports = self._imports()
         if prices is not None and tariff is not None:
-            self.unpriced = self._over_a_change(stretches, tariff, since)
+            self.unpriced = self._over_a_change(tariff.prices, tariff.resolution)
             scale = _common_denominator([*prices, tariff.feed_in])
             self.cost_unit = Fraction(1, scale * NWH_PER_KWH)
             self.cost = {
-                k: e * _scaled(price if e >= 0 else tariff.feed_in, scale)
-                for k, e, price in zip(self._place.tolist(), energies, prices, strict=True)
+                k: e * _scaled(price if taken else tariff.feed_in, scale)
+                for k, e, price, taken in zip(self._place.tolist(), energies, prices, imports, strict=True)
                 if k not in self.unpriced
             }
-        if factors is not None:
+        if factors is not None and tariff is not None:
+            self.no_co2 = self._over_a_change(tariff.emissions, tariff.resolution)
             scale = _common_denominator(factors)
             self.co2_unit = Fraction(1, scale * NWH_PER_KWH)
             self.co2 = {
-                k: max(e, 0) * _scaled(factor, scale)
-                for k, e, factor in zip(self._place.tolist(), energies, factors, strict=True)
+                k: e * _scaled(factor, scale) if taken else 0
+                for k, e, factor, taken in zip(self._place.tolist(), energies, factors, imports, strict=True)
+                if k not in self.no_co2
             }
 
-    def _over_a_change(self, stretches: Stretches, tariff: Tariff, since: int) -> set[int]:
-        """Stretches over a gap in which the price changes."""
-        over = [k for k in self._place.tolist() if stretches.begin[k] < stretches.start[k]]
+    def _imports(self) -> list[bool]:
+        """Whether the quarter hour of each stretch imports more than it exports; over a gap, the stretch itself."""
+        of, place = self._stretches, self._place
+        energy, quarter = of.nWh[place], of.start[place] // _QUARTER_S
+        over_a_gap = of.begin[place] < of.start[place]
+        _, group = np.unique(np.where(over_a_gap, -1 - np.arange(len(place)), quarter), return_inverse=True)
+        net = np.zeros(group.max(initial=-1) + 1, dtype=energy.dtype)
+        np.add.at(net, group, energy)
+        return (net[group] >= 0).tolist()  # type: ignore[no-any-return]
+
+    def _over_a_change(self, values: Values, step_s: int) -> set[int]:
+        """Stretches over a gap in which prices or factors change, of `values` that hold for whole steps."""
+        of = self._stretches
+        over = [k for k in self._place.tolist() if of.begin[k] < of.start[k]]
         changed = set()
         for k in over:
-            begin = max(int(stretches.begin[k]), since)
-            moments = np.arange(begin, int(stretches.start[k]) + 1, _QUARTER_S if (begin % _QUARTER_S == 0) else 60)
-            if len(set(tariff.prices(moments) or [])) > 1:
+            begin = max(int(of.begin[k]), self._since)
+            moments = np.arange(begin // step_s * step_s, int(of.start[k]) + 1, step_s)
+            moments[0] = begin
+            if len(set(values(moments) or [])) > 1:
                 changed.add(k)
         return changed
+
+
+Values = Callable[[np.ndarray], list[Fraction] | None]
+"""Prices or factors at Unix times [s]."""
 
 
 def _common_denominator(values: Sequence[Fraction]) -> int:
@@ -220,6 +245,7 @@ class _Sums:
             None if cost is None or not some else self._priced.cost_unit * sum(cost.get(k, 0) for k in chosen),
             sum(int(nWh[k]) for k in self._priced.unpriced if mine[k]),
             None if co2 is None or not some else self._priced.co2_unit * sum(co2.get(k, 0) for k in chosen),
+            sum(int(nWh[k]) for k in self._priced.no_co2 if mine[k]),
             None if self._standby is None or not some else int(nWh[mine & self._at_rest].sum()),
         )  # fmt: skip
 

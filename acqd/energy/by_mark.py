@@ -21,7 +21,7 @@ from acqd.storage import buckets as stored
 from acqd.storage.row_series import Piece, row_series
 from acqd.timestamps import filetime
 
-_TICKS = 10_000_000
+_TICKS, _QUARTER_S = 10_000_000, 900
 _GAP = 1.5
 """Intervals of rows from which on rows lack."""
 _CLEARLY, _COARSE_KWH = 1.5, 1.0
@@ -84,7 +84,7 @@ class _State:
 
 def by_mark(engine: sa.Engine, device: str, marks: Marks, begin: int, end: int, tariff: Tariff | None) -> ByMark:
     """Unix times [s]. Raises NoRowsError, UserError for several channels, or InputError where there is no price."""
-    step_s = 60 if tariff is not None and tariff.by_minute else 900
+    step_s = _QUARTER_S if tariff is None else tariff.resolution
     with engine.connect() as connection:
         channel = channel_of(connection, device, begin, end)
         interval = stored.row_interval(connection, device, channel, begin, end)
@@ -164,7 +164,7 @@ def _step(
 
 
 def _price_changes(tariff: Tariff, since: np.ndarray) -> bool:
-    moments = np.arange(since[0], since[1] + 1, 60 if tariff.by_minute else 900)
+    moments = np.arange(since[0], since[1] + 1, tariff.resolution)
     return len(set(tariff.prices(moments) or [])) > 1
 
 
@@ -196,11 +196,16 @@ def _values(
         of.unpriced_nWh += state.unpriced.get(number, 0)
     names = [marks.names[number] if number >= 0 else _BEFORE for number, _ in state.nWh]
     prices = _prices(tariff, [since for _, since in state.nWh]) if tariff is not None and priced else None
-    for k, ((_, _), energy) in enumerate(state.nWh.items()):
+    net: dict[tuple[int, int], int] = {}
+    for (number, since), energy in state.nWh.items():
+        quarter = number, since // _QUARTER_S
+        net[quarter] = net.get(quarter, 0) + energy
+    for k, ((number, since), energy) in enumerate(state.nWh.items()):
         of = found[names[k]]
         of.nWh += energy
         if prices is not None and tariff is not None and of.cost is not None:
-            of.cost += Fraction(energy, NWH_PER_KWH) * (prices[k] if energy >= 0 else tariff.feed_in)
+            imports = net[number, since // _QUARTER_S] >= 0
+            of.cost += Fraction(energy, NWH_PER_KWH) * (prices[k] if imports else tariff.feed_in)
     return sorted(found.values(), key=lambda each: not each.name)
 
 

@@ -81,17 +81,17 @@ def _verdict(found: Sequence[ByMark], by: str) -> Verdict:
     if costs:
         unpriced = any(each.unpriced_nWh for one in found for each in one.values)
         figures.append(KeyFigure("cost", f"{'>= ' if unpriced else ''}{float(sum(costs)):.2f} EUR"))
-    steps = []
+    remarks = []
     if between:
-        steps.append(
+        remarks.append(
             f"{exact_kwh(between)} kWh were counted where rows lack, over the end of a visit: no {by} has them"
         )
     if any(one.jumps_nWh for one in found):
-        steps.append("The register was exchanged or set; those steps are no energy.")
+        remarks.append("The register was exchanged or set; those steps are no energy.")
     title = f"{total / NWH_PER_KWH:.3f} kWh"
     if missing >= 60:
-        return Verdict("open", title, f"Rows lack for {duration(missing)}.", figures, steps)
-    return Verdict("fine", title, "Rows of the whole time are there.", figures, steps)
+        return Verdict("open", title, f"Rows lack for {duration(missing)}.", figures, warnings=remarks)
+    return Verdict("fine", title, "Rows of the whole time are there.", figures, warnings=remarks)
 
 
 def _shown(at: int, zone: ZoneInfo) -> str:

@@ -34,7 +34,8 @@ def energy_page(bill: Statement) -> Page:
         "and never filled."
     )
     page.heading(f"By {bill.by}")
-    page.figure(_bars(bill), "Energy of the periods, and the share of the time without rows")
+    of = "the periods" if len(bill.periods) <= _MOST_BARS else f"the last {_MOST_BARS} of {len(bill.periods)} periods"
+    page.figure(_bars(bill), f"Energy of {of}, and the share of the time without rows")
     page.table(HEADER, [cells(bill, one) for one in bill.periods])
     for account in bill.accounts if len(bill.accounts) > 1 else []:
         page.heading(account.device)
@@ -63,7 +64,7 @@ def cells(bill: Statement, one: Period) -> tuple[str, ...]:
     return (
         bill.label(one),
         _energy(one), watts(one.mean_W), watts(one.max_W), watts(one.demand.W if one.demand else None), euros(one),
-        "-" if one.co2_kg is None else f"{number(float(one.co2_kg))} kg", "-" if share is None else percent(share),
+        emitted(one), "-" if share is None else percent(share),
         duration(missing) if missing else "",
     )  # fmt: skip
 
@@ -84,6 +85,11 @@ def euros(one: Period) -> str:
     return "-" if one.cost is None else f"{'>= ' if one.unpriced_nWh else ''}{float(one.cost):.2f} EUR"
 
 
+def emitted(one: Period) -> str:
+    """Kg CO2; a lower bound where energy has no factor."""
+    return "-" if one.co2_kg is None else f"{'>= ' if one.no_co2_nWh else ''}{number(float(one.co2_kg))} kg"
+
+
 def comparison_text(bill: Statement) -> str:
     """The comparison with the range before, in words."""
     before = bill.before
@@ -102,19 +108,20 @@ def _verdict(bill: Statement) -> Verdict:
     if total.cost is not None:
         figures.append(KeyFigure("cost", euros(total), bill.tariff.name if bill.tariff else ""))
     if total.co2_kg is not None:
-        figures.append(KeyFigure("CO2", f"{number(float(total.co2_kg))} kg"))
+        figures.append(KeyFigure("CO2", emitted(total)))
     if share is not None and total.standby_nWh is not None:
         figures.append(KeyFigure("standby", percent(share), f"{total.standby_nWh / NWH_PER_KWH:.3f} kWh at rest"))
     capacity = bill.capacity_EUR
     if capacity is not None and bill.tariff is not None:
         figures.append(KeyFigure("capacity", f"{capacity:.2f} EUR", bill.capacity_text))
-    steps = [remark for one in bill.accounts for remark in one.remarks]
+    remarks = [remark for one in bill.accounts for remark in one.remarks]
     if between:
-        steps.append(f"{exact_kwh(between)} kWh were counted over gaps, and belong to no single period")
+        remarks.append(f"{exact_kwh(between)} kWh were counted over gaps, and belong to no single period")
     missing = total.missing_s
     if missing >= 60:
-        return Verdict("open", f"{_energy(total)} kWh", f"Rows lack for {duration(missing)}.", figures, steps)
-    return Verdict("fine", f"{_energy(total)} kWh", "Rows of the whole time are there.", figures, steps)
+        said = f"Rows lack for {duration(missing)}."
+        return Verdict("open", f"{_energy(total)} kWh", said, figures, warnings=remarks)
+    return Verdict("fine", f"{_energy(total)} kWh", "Rows of the whole time are there.", figures, warnings=remarks)
 
 
 def _shown(bill: Statement, at: int) -> str:
@@ -132,7 +139,7 @@ def _bars(bill: Statement) -> Figure:
     energy.bar(place, [one.kWh or 0.0 for one in periods], color=_AFTER, label="work")
     if any(one.standby_nWh for one in periods):
         energy.bar(place, [(one.standby_nWh or 0) / NWH_PER_KWH for one in periods], color=_BEFORE, label="standby")
-        energy.legend(frameon=False)
+        energy.legend(frameon=False, ncols=2, loc="lower right", bbox_to_anchor=(1.0, 1.0))
     energy.set_ylabel("kWh")
     gaps.bar(place, [100 * one.missing_s / (one.end - one.begin) for one in periods], color=_MUTED)
     gaps.set_ylim(0, 100)

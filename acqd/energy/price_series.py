@@ -50,6 +50,9 @@ def read_series(path: Path, unit: str) -> Series:
     rows, delimiter = read_rows(path)
     if len(rows) < 2 or len(rows[0]) < 2 or rows[0][0].strip().lower() != "time":
         raise InputError(path, "expected a header with the columns time and price, and rows below it")
+    for number, row in enumerate(rows[1:], start=2):
+        if any(cell.strip() for cell in row[len(rows[0]) :]):  # 12,5 between commas
+            raise InputError(path, f"line {number}: {len(row)} values, the header has {len(rows[0])}")
     start = [_time(path, number, row) for number, row in enumerate(rows[1:], start=2)]
     values = [_value(path, number, row, delimiter) * UNITS[unit] for number, row in enumerate(rows[1:], start=2)]
     return Series(path, np.array(start, dtype=np.int64), tuple(values), start[-1] + _steps(path, start))

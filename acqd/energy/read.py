@@ -136,6 +136,8 @@ def channel_of(connection: sa.Connection, device: str, begin: int, end: int) -> 
     channels = stored.channels(connection, device, begin, end)
     if "total" in channels:
         return "total"
+    if not channels and stored.stored_span(connection, device) is None:
+        raise NoRowsError(f"device {device!r} has no rows in this database at all")
     if not channels:
         raise NoRowsError(
             f"device {device!r} has no rows {_from_to(begin, end, UTC)}, only {span_text(connection, device)}; choose "
@@ -151,12 +153,16 @@ def _usual_interval(buckets: Buckets) -> float:
     return float(np.median(buckets.seconds / buckets.rows)) if len(buckets.rows) else 0.04
 
 
+def _times(count: int) -> str:
+    return "once" if count == 1 else f"{count} times"
+
+
 def _remarks(account: Account, buckets: Buckets, interval_s: float) -> list[str]:
     twice = int((buckets.rows * interval_s > 1.5 * buckets.seconds).sum())
     return list(chain(
         [f"{twice} buckets hold twice the rows of their time: two daemons under one name (flag two_boots), or another "
          "interval than today's"] if twice else [],
-        [f"the register was exchanged or set {len(account.jumps)} times; those steps are no energy"]
+        [f"the register was exchanged or set {_times(len(account.jumps))}; those steps are no energy"]
         if account.jumps else [],
         ["rest and work cannot be told apart by power, so the standby share is unknown"]
         if account.standby is None and account.total.nWh is not None else [],

@@ -15,7 +15,7 @@ from acqd.energy.stretches import NWH_PER_KWH
 _DIGITS = 12
 _HEADER = (
     "device", "channel", "period", "begin", "end", "kWh", "missing_s", "mean_W", "max_W", "demand_W", "EUR", "CO2_kg",
-    "standby_kWh",
+    "standby_kWh", "unpriced_kWh", "without_CO2_kWh",
 )  # fmt: skip
 
 
@@ -38,7 +38,7 @@ def as_csv(bill: Statement) -> str:
             table.writerow([account.device, account.channel, bill.label(period), *_cells(bill, period)])
         for name, nWh in (("over gaps", account.between_nWh), ("register set", account.jumps_nWh)):
             if nWh:
-                table.writerow([account.device, account.channel, name, "", "", exact_kwh(nWh), *[""] * 7])
+                table.writerow([account.device, account.channel, name, "", "", exact_kwh(nWh), *[""] * 9])
     return text.getvalue()
 
 
@@ -50,6 +50,8 @@ def _cells(bill: Statement, one: Period) -> list[object]:
         None if one.cost is None else f"{float(one.cost):.6f}",
         None if one.co2_kg is None else f"{float(one.co2_kg):.6f}",
         None if one.standby_nWh is None else exact_kwh(one.standby_nWh),
+        None if one.cost is None else exact_kwh(one.unpriced_nWh),
+        None if one.co2_kg is None else exact_kwh(one.no_co2_nWh),
     ]  # fmt: skip
     return ["" if value is None else value for value in values]
 
@@ -86,8 +88,9 @@ def _period(bill: Statement, one: Period) -> dict[str, Any]:
         "nWh": one.nWh, "kWh": one.kWh, "missing_s": round(one.missing_s, 3), "mean_W": one.mean_W,
         "max_W": one.max_W, "demand": None if one.demand is None else _demand(bill, one.demand),
         "EUR": None if one.cost is None else float(one.cost),
-        "unpriced_kWh": one.unpriced_nWh / NWH_PER_KWH if one.unpriced_nWh else 0.0,
+        "unpriced_kWh": one.unpriced_nWh / NWH_PER_KWH,
         "CO2_kg": None if one.co2_kg is None else float(one.co2_kg),
+        "without_CO2_kWh": one.no_co2_nWh / NWH_PER_KWH,
         "standby_kWh": None if one.standby_nWh is None else one.standby_nWh / NWH_PER_KWH,
         "standby_share": standby_share(one),
     }  # fmt: skip

@@ -16,12 +16,12 @@ from pydantic import Field, ValidationError
 
 from acqd.energy.periods import parse_shifts, zone_of
 from acqd.energy.price_series import Series, read_series
-from acqd.errors import InputError, UserError, in_our_words
+from acqd.errors import InputError, UserError, in_our_words, place_in_file
 from acqd.section import FileName, Section
 
 _DAYS = ("mon", "tue", "wed", "thu", "fri", "sat", "sun")
 _MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
-_DAY_MIN = 1440
+_DAY_MIN, _QUARTER_S = 1440, 900
 Price = Annotated[float, Field(ge=-100, le=100)]
 
 
@@ -54,7 +54,7 @@ class _Capacity(Section):
 
 class _File(Section):
     name: str = ""
-    zone: str | None = None
+    zone: Annotated[str, Field(min_length=1)] | None = None
     shifts: str | None = None
     price: Price | None = None
     time_of_use: tuple[_Window, ...] = Field(default=(), strict=False)
@@ -120,8 +120,16 @@ class Tariff:
 
     @property
     def by_minute(self) -> bool:
-        """Whether prices change within a quarter hour."""
+        """Whether prices or factors change within a quarter hour."""
+        series = [each for each in (self.price, self.co2) if isinstance(each, Series)]
+        if any(bool(np.any(each.start % _QUARTER_S)) for each in series):
+            return True
         return isinstance(self.price, Weekly) and bool(np.any(self.price.number != _by_quarters(self.price.number)))
+
+    @property
+    def resolution(self) -> int:
+        """Seconds for whose length prices and factors hold."""
+        return 60 if self.by_minute else _QUARTER_S
 
 
 def _at(price: Fraction | Weekly | Series | None, moments: np.ndarray) -> list[Fraction] | None:
@@ -148,7 +156,7 @@ def load_tariff(path: Path, zone: str | None = None) -> Tariff:
         said = in_our_words(first["msg"])
         if first["type"] == "extra_forbidden" and len(first["loc"]) == 1:
             said += f" The keys are {', '.join(_File.model_fields)}"
-        raise InputError(path, f"{'.'.join(map(str, first['loc']))}: {said}") from None
+        raise InputError(path, f"{place_in_file(first['loc'])}: {said}") from None
     try:
         return _tariff(path, given, zone)
     except InputError:

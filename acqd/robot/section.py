@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from acqd import section
-from acqd.errors import InputError, in_our_words
+from acqd.errors import InputError, in_our_words, place_in_file
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -42,7 +42,7 @@ def read_toml_table(path: Path) -> dict[str, Any]:
 def complaint(fault: object) -> str:
     """One pydantic error as `key: what is wrong (got ...)`."""
     assert isinstance(fault, dict)
-    key = ".".join(str(part) for part in fault["loc"]) or "the file"
+    key = place_in_file(fault["loc"]) or "the file"
     if fault["type"] == "extra_forbidden":
         return f"{key}: there is no such key; is it misspelt, or in the wrong table?"
     if fault["type"] == "missing":

@@ -50,20 +50,34 @@ class Rest:
 
         They close only where the pause leaves the time to open them again.
         """
-        rows = round(seconds * RATE)
-        earlier = None if self.brake_open.all() else int(np.argmin(self.brake_open)) / RATE
-        after = min((each for each in (earlier, brakes_after) if each is not None), default=None)
-        brake_open = np.ones(rows, bool)
-        if self.outer or (after == earlier and rows == len(self.brake_open)):
-            brake_open = self.brake_open
-        elif after is not None:
-            brake_open[round(after * RATE) : max(rows - round(RELEASE_S * RATE), 0)] = False
+        brake_open = self._brakes(seconds, brakes_after)
+        rows = len(brake_open)
         still = np.zeros((rows, len(self.position)))
         row = np.minimum(np.arange(rows), len(self.tool_on) - 1)
         return Motion(
             np.tile(self.position, (rows, 1)), still, still, brake_open, self.tool_on[row], [""],
             np.zeros(rows, np.int16),
         )  # fmt: skip
+
+    def closed_s(self, seconds: float, brakes_after: float | None) -> float:
+        """How much longer the brakes are closed in a pause of `lasting` than they were, s."""
+        if brakes_after is None:
+            return 0.0
+        return max(int((~self._brakes(seconds, brakes_after)).sum()) - int((~self.brake_open).sum()), 0) / RATE
+
+    def _brakes(self, seconds: float, brakes_after: float | None) -> NDArray[np.bool_]:
+        """[T] open or closed."""
+        rows = round(seconds * RATE)
+        earlier = None if self.brake_open.all() else int(np.argmin(self.brake_open)) / RATE
+        after = min((each for each in (earlier, brakes_after) if each is not None), default=None)
+        if rows == len(self.brake_open) and (self.outer or after == earlier):
+            return self.brake_open
+        brake_open = np.ones(rows, bool)
+        if self.outer:  # as it was, a row more or less at its end
+            brake_open[:] = self.brake_open[np.minimum(np.arange(rows), len(self.brake_open) - 1)]
+        elif after is not None:
+            brake_open[round(after * RATE) : max(rows - round(RELEASE_S * RATE), 0)] = False
+        return brake_open
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,8 @@ error of the difference has two parts (ADR 64).
 
 - Parts of the power that are wrong by a factor, such as a friction that is 5 % too small: they count by the difference
   of that part. Factors are regressed from the residual of held-out blocks (Bayesian linear regression; Bishop, Pattern
-  Recognition and Machine Learning, 2006, 3.3); what was found and what stays unknown of them both count.
+  Recognition and Machine Learning, 2006, 3.3 and 3.5); what was found and what stays unknown of them both count. How
+  wrong parts usually are is not set: prior deviations are averaged over, weighted by their evidence.
 - What is left of the residual differs from motion to motion: by the variance between successive blocks (von Neumann
   1941). The zero of a meter and the warmth of gears wander in minutes, whatever the arm does; they are the same on
   both sides of a difference, and nearly so in successive blocks. Along an unchanged path most of the rest cancels, too;
@@ -32,8 +33,8 @@ BLOCK_S = 5.0
 """Over which an error of the model stays the same: the length of a move or a rest."""
 _FEWEST = 20
 """Blocks, for an interval."""
-_FACTOR = 0.3
-"""Prior deviation of the relative error of a part."""
+_FACTORS = (0.003, 0.006, 0.01, 0.02, 0.04, 0.08, 0.15, 0.3)
+"""Prior deviations of the relative error of a part that are compared."""
 _ROUNDS = 8
 
 
@@ -91,25 +92,29 @@ def _successive(day: np.ndarray) -> np.ndarray:
     return np.flatnonzero(day[1:] == day[:-1])
 
 
-def _without_level(values: Floats, session: np.ndarray) -> Floats:
-    """[n] values without the mean of their session; `session` [n] counts from 0."""
-    return np.asarray(values - (np.bincount(session, values) / np.bincount(session))[session])
-
-
 def _fitted(power: Floats, error: Floats, day: np.ndarray) -> tuple[Floats, float]:
     """[c, c] second moments of the factors, and the variance that they leave, W^2.
 
-    From blocks in the order of time: [n, c] W of parts, [n] W of residual, [n] session. The level of a session is free.
+    From blocks in the order of time: [n, c] W of parts, [n] W of residual, [n] session. Differences of successive
+    blocks of a session are regressed: the level of a session is free, and what wanders in minutes does not count.
     """
-    session = np.unique(day, return_inverse=True)[1]
-    x = np.column_stack([_without_level(column, session) for column in power.T])
-    y, count = _without_level(error, session), len(error)
     successive = _successive(day)
-    variance = float(y.var()) + 1e-12
-    for _ in range(_ROUNDS):  # the scatter that the factors leave decides how well they are known
-        unknown = np.linalg.inv(x.T @ x / variance + np.eye(x.shape[1]) / _FACTOR**2)
-        found = unknown @ x.T @ y / variance
-        taken = float(np.trace(unknown @ x.T @ x)) / variance  # effective number of parameters
-        jumps = np.diff(y - x @ found)[successive]
-        variance = float(jumps @ jumps) / (2 * len(jumps)) * count / max(count - taken, 1.0) + 1e-12
-    return np.outer(found, found) + unknown, variance
+    x = np.diff(power, axis=0)[successive] / np.sqrt(2)
+    y = np.diff(error)[successive] / np.sqrt(2)
+    square, count = x.T @ x, len(y)
+    moments, variances, evidences = [], [], []
+    for prior in _FACTORS:
+        variance = float(y @ y) / count + 1e-12
+        for _ in range(_ROUNDS):  # the scatter that the factors leave decides how well they are known
+            unknown = np.linalg.inv(square / variance + np.eye(x.shape[1]) / prior**2)
+            found = unknown @ x.T @ y / variance
+            taken = float(np.trace(unknown @ square)) / variance  # effective number of parameters
+            left = y - x @ found
+            variance = float(left @ left) / max(count - taken, 1.0) + 1e-12
+        _, log_det = np.linalg.slogdet(np.eye(x.shape[1]) + prior**2 / variance * square)
+        evidences.append(-(count * np.log(variance) + log_det + y @ left / variance) / 2)
+        moments.append(np.outer(found, found) + unknown)
+        variances.append(variance)
+    weights = np.exp(np.array(evidences) - max(evidences))
+    weights /= weights.sum()
+    return np.tensordot(weights, moments, 1), float(weights @ variances)

@@ -9,7 +9,7 @@ from itertools import chain
 import numpy as np
 
 from acqd.arrays import Floats
-from acqd.motion.controller import Motion
+from acqd.motion.controller import RATE, Motion
 from acqd.motion.program_file import Program
 from acqd.saving.cycle import Rest, Stretch, continuous, joined
 from acqd.saving.plan import UNIFORM, Change, Cycle, Piece, Timing
@@ -91,7 +91,7 @@ class LogCycle(Cycle):
 
     def timed(self, change: Change, durations: Sequence[float]) -> tuple[Motion, Program | None]:
         """The motion at 1 kHz."""
-        left = chain(durations)
+        left = chain(self._rounded(durations))
         parts = []
         for part, recorded in zip(self._parts, self.recorded, strict=True):
             if isinstance(part, Stretch):
@@ -105,3 +105,12 @@ class LogCycle(Cycle):
             elif isinstance(recorded, Stretch):
                 parts.append(recorded.motion)
         return joined(continuous(parts)), None
+
+    def _rounded(self, durations: Sequence[float]) -> list[float]:
+        """Durations in whole rows; the longest rest takes what rounding leaves, so that nothing is saved by it."""
+        rows = [round(each * RATE) for each in durations]
+        rests = [k for k, piece in enumerate(self.pieces) if isinstance(piece, Rest)]
+        if rests:
+            longest = max(rests, key=rows.__getitem__)
+            rows[longest] = max(rows[longest] + round(sum(durations) * RATE) - sum(rows), 0)
+        return [each / RATE for each in rows]

@@ -113,12 +113,12 @@ class Cycle(ABC):
         """Seconds of motion over which errors of the model as between strange motions would add up to the same.
 
         Along one path, an error changes with the speed: by itself over a factor of e, in proportion below. At rest it
-        stays the same as long as the rest does.
+        stays the same as long as the rest does; closed brakes end the error of the holding power.
         """
         total = self.strange_s
         for piece, seconds in zip(self.pieces, durations, strict=True):
             if isinstance(piece, Rest):
-                total += at_rest(piece.seconds - seconds)
+                total += at_rest(piece.seconds - seconds) + at_rest(piece.closed_s(seconds, change.brakes_after))
             elif change.law:
                 total += (piece.seconds + seconds) * min(1.0, piece.unlike(change.law, seconds))
         return total

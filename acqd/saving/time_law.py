@@ -10,6 +10,7 @@ With the pace, torques are known without any more dynamics: tau = g(q) + (tau_2 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Protocol
@@ -33,7 +34,11 @@ _BOUND = 1.2
 _PENALTY = 30.0
 _ROUGHNESS = 1e-4
 """Of the energy, per squared coefficient: of laws that cost the same, the one nearest to uniform slowing."""
+_ARGUMENTS = 3
+"""Of power and limits at a point: the pace and its first two derivatives."""
 _STEP = 1e-5
+_STEPPED = np.eye(_ARGUMENTS, _ARGUMENTS + 1, 1)
+"""[3, 4] which argument takes a step: none in the first of four evaluations at once, then one after another."""
 _ITERATIONS = 40
 _MARGIN = 0.95
 """Share of the limits up to which a law may go, between points that are 0.02 s apart."""
@@ -89,6 +94,49 @@ class _Torques:
         return self.still + (self.moved - turn * self.turned) / sigma**2
 
 
+@dataclass(frozen=True, slots=True)
+class _Points:
+    """N points of a path: derivatives of the joints by the old time [N, axes], and torques."""
+
+    q1: Floats
+    q2: Floats
+    q3: Floats
+    model: _Torques
+    described: _Torques
+
+    def repeated(self, times: int) -> _Points:
+        """The points one after another so many times."""
+
+        def tiled(values: Floats) -> Floats:
+            return np.tile(values, (times, 1))
+
+        def torques(of: _Torques) -> _Torques:
+            return _Torques(tiled(of.still), tiled(of.moved), tiled(of.turned))
+
+        return _Points(tiled(self.q1), tiled(self.q2), tiled(self.q3), torques(self.model), torques(self.described))
+
+    def power(self, drives: Drives, pace: Floats, turn: Floats) -> Floats:
+        """[N] W of the drives."""
+        sigma, turn = np.exp(pace)[:, None], turn[:, None]
+        tau = self.model.at(sigma, turn)
+        return drives.drive_power(tau, self.q1 / sigma, (self.q2 - self.q1 * turn) / sigma**2)
+
+    def excess(self, limits: Sequence[Floats], pace: Floats, turn: Floats, bend: Floats) -> Floats:
+        """[N] sum of the squares of what exceeds the limits, as shares of these."""
+        s, a, b = np.exp(pace)[:, None], turn[:, None], bend[:, None]
+        q1, q2 = self.q1, self.q2
+        values = (
+            q1 / s, (q2 - q1 * a) / s**2, (self.q3 - 3 * q2 * a - q1 * b + 2 * q1 * a**2) / s**3,
+            self.described.at(s, a),
+        )  # fmt: skip
+        return np.asarray(
+            sum(
+                (np.maximum(np.abs(each) / limit - 1, 0.0) ** 2).sum(axis=1)
+                for each, limit in zip(values, limits, strict=True)
+            )
+        )
+
+
 class Path:
     """A stretch of motion with everything that its time laws need, at N points of the old time."""
 
@@ -99,16 +147,15 @@ class Path:
         u = rows / RATE
         self._u, self._weights = u, np.gradient(u) * np.where((u == u[0]) | (u == u[-1]), 0.5, 1.0)
         jerk = np.gradient(motion.qdd, 1 / RATE, axis=0)
-        self._q1, self._q2, self._q3 = motion.qd[rows], motion.qdd[rows], jerk[rows]
         self.size = int(np.clip(round(motion.seconds / _KNOT_S) + 3, _FEWEST_KNOTS, _MOST_KNOTS))
         self._knots = np.concatenate([[u[0]] * 3, np.linspace(u[0], u[-1], self.size - 2), [u[-1]] * 3])
         functions = BSpline(self._knots, np.eye(self.size), 3)
         self._basis = [np.asarray(functions(u, order)) for order in range(3)]
-        q = motion.q[rows]
-        self._model = _Torques.of(drives, q, self._q1, self._q2)
-        self._described = _Torques.of(bounds, q, self._q1, self._q2)
-        torque = self._described.still + self._described.moved
-        own = (self._q1, self._q2, self._q3, torque)
+        q, q1, q2, q3 = motion.q[rows], motion.qd[rows], motion.qdd[rows], jerk[rows]
+        described = _Torques.of(bounds, q, q1, q2)
+        self._points = _Points(q1, q2, q3, _Torques.of(drives, q, q1, q2), described)
+        self._with_steps = self._points.repeated(_ARGUMENTS + 1)
+        own = (q1, q2, q3, described.still + described.moved)
         given = (bounds.speed, bounds.acceleration, bounds.jerk, bounds.robot.effort)
         self._limits = [
             np.maximum(_MARGIN * limit, np.abs(values).max(axis=0)) for limit, values in zip(given, own, strict=True)
@@ -124,14 +171,14 @@ class Path:
     def energy(self, law: Floats, seconds: float) -> float:
         """J of the drives."""
         pace, turn, _ = self._at(law, seconds)
-        return float(self._weights @ (self._power(pace, turn) * np.exp(pace)))
+        return float(self._weights @ (self._points.power(self._drives, pace, turn) * np.exp(pace)))
 
     def keeps_limits(self, law: Floats, seconds: float) -> bool:
         """Whether a law keeps speed, acceleration, jerk and torque of every joint, also between the points."""
         new = self.motion_at(law, seconds)
         peaks = np.abs(new.qd).max(axis=0), np.abs(new.qdd).max(axis=0), greatest_jerk(new)
         within = all((peak <= limit * _ROUNDING).all() for peak, limit in zip(peaks, self._whole, strict=True))
-        return within and bool(self._excess(*self._at(law, seconds)).max() <= _BETWEEN)
+        return within and bool(self._points.excess(self._limits, *self._at(law, seconds)).max() <= _BETWEEN)
 
     def best(self, seconds: float, start: Floats) -> Floats | None:
         """[K] the law of least energy of a duration, from a law to begin with; None where none keeps the limits."""
@@ -139,16 +186,16 @@ class Path:
         _, b1, b2 = self._basis
 
         def rows(pace: Floats, turn: Floats, bend: Floats) -> Floats:
-            return self._power(pace, turn) * np.exp(pace) / scale + _PENALTY * self._excess(pace, turn, bend)
+            points, limits = self._with_steps, self._limits
+            use = points.power(self._drives, pace, turn) * np.exp(pace) / scale
+            return use + _PENALTY * points.excess(limits, pace, turn, bend)
 
         def cost(law: Floats) -> tuple[float, Floats]:
             at = self._at(law, seconds)
-            now = rows(*at)
-            slopes = []
-            for k in range(3):
-                shifted = list(at)
-                shifted[k] = at[k] + _STEP
-                slopes.append(self._weights * (rows(*shifted) - now) / _STEP)
+            shifted = (np.tile(values, (_ARGUMENTS + 1, 1)) for values in at)
+            stepped = [values + _STEP * own[:, None] for values, own in zip(shifted, _STEPPED, strict=True)]
+            now, *others = rows(*(values.ravel() for values in stepped)).reshape(_ARGUMENTS + 1, -1)
+            slopes = [self._weights * (other - now) / _STEP for other in others]
             mean = self._weights * np.exp(at[0])
             gradient = self._basis[0].T @ (slopes[0] - slopes[0].sum() * mean / mean.sum())
             gradient += b1.T @ slopes[1] + b2.T @ slopes[2] + 2 * _ROUGHNESS * law
@@ -158,8 +205,10 @@ class Path:
             cost, start, jac=True, method="L-BFGS-B", bounds=[(-_BOUND, _BOUND)] * self.size,
             options={"maxiter": _ITERATIONS, "ftol": 1e-6},
         )  # fmt: skip
-        laws = [law for share in _RELIEF if self.keeps_limits(law := share * found.x, seconds)]
-        return min(laws, key=lambda law: self.energy(law, seconds), default=None)
+        kept = next((law for share in _RELIEF if self.keeps_limits(law := share * found.x, seconds)), None)
+        if kept is None or self.energy(kept, seconds) <= self.energy(self.uniform, seconds):
+            return kept
+        return self.uniform if self.keeps_limits(self.uniform, seconds) else kept
 
     def unlike(self, law: Floats, seconds: float) -> float:
         """Mean square of the logarithm of the pace (see `Timing.unlike`)."""
@@ -193,24 +242,3 @@ class Path:
         """[N] logarithm of the pace in a duration, and its first two derivatives by the old time."""
         pace, turn, bend = (basis @ law for basis in self._basis)
         return pace + np.log(seconds / float(self._weights @ np.exp(pace))), turn, bend
-
-    def _power(self, pace: Floats, turn: Floats) -> Floats:
-        """[N] W of the drives."""
-        sigma, turn = np.exp(pace)[:, None], turn[:, None]
-        tau = self._model.at(sigma, turn)
-        return self._drives.drive_power(tau, self._q1 / sigma, (self._q2 - self._q1 * turn) / sigma**2)
-
-    def _excess(self, pace: Floats, turn: Floats, bend: Floats) -> Floats:
-        """[N] sum of the squares of what exceeds the limits, as shares of these."""
-        s, a, b = np.exp(pace)[:, None], turn[:, None], bend[:, None]
-        q1, q2 = self._q1, self._q2
-        values = (
-            q1 / s, (q2 - q1 * a) / s**2, (self._q3 - 3 * q2 * a - q1 * b + 2 * q1 * a**2) / s**3,
-            self._described.at(s, a),
-        )  # fmt: skip
-        return np.asarray(
-            sum(
-                (np.maximum(np.abs(each) / limit - 1, 0.0) ** 2).sum(axis=1)
-                for each, limit in zip(values, self._limits, strict=True)
-            )
-        )

@@ -129,9 +129,12 @@ TARIFFS = {
     '[[time_of_use]]\nprice = 0.3\n[[time_of_use]]\nprice = 0.2\ndays = "sun"\n': "both give a price for sun 00:00",
     "price = 0.3\nprise = 0.2\n": "prise: there is no such key",
     "price = '0.3'\n": "price: expected a number",
+    "[[time_of_use]]\nprice = 1\n[[time_of_use]]\nprice = 'a'\n": "time_of_use 2.price: expected a number",
     '[series]\nfile = "huge.csv"\nunit = "EUR/MWh"\n': "line 2: value '1e400' is no price",
     '[series]\nfile = "tiny.csv"\nunit = "EUR/MWh"\n': "no value at",  # and no fraction of 10^9 digits
     'zone = "Europe/Atlantis"\nprice = 0.3\n': "Europe/Atlantis",
+    'zone = ""\nprice = 0.3\n': "zone: ",
+    '[series]\nfile = "comma.csv"\nunit = "EUR/MWh"\n': "line 2: 3 values, the header has 2",  # 12,5 is not 12
     '[series]\nfile = "hole.csv"\nunit = "EUR/MWh"\n': "fill the hole",
     '[series]\nfile = "order.csv"\nunit = "EUR/MWh"\n': "does not rise",
     '[series]\nfile = "wide.csv"\nunit = "EUR/MWh"\n': "is no table of values",
@@ -160,6 +163,7 @@ def rolled_up(tmp_path_factory):
         "wide": ("1" * 140_000,),
         "huge": ("2026-10-20T00:00Z,1e400",),
         "tiny": ("2026-10-19T20:00Z,1e-999999999", "2026-10-19T21:00Z,1"),
+        "comma": ("2026-10-20T00:00Z,12,5",),
         "naive": ("2026-10-20T00:00,1",),
         "short": ("2026-10-19T20:00Z,1", "2026-10-19T21:00Z,1", "2026-10-19T22:00Z,100"),
         "days": [f"{datetime.fromtimestamp(begin + 900 + 3600 * k, UTC).isoformat()},{k}" for k in range(270)],

@@ -8,8 +8,10 @@ import pytest
 import sqlalchemy as sa
 
 from acqd.energy import periods
+from acqd.energy.read import read_accounts
+from acqd.energy.tariff import load_tariff
 from acqd.storage.database import open_database, transaction
-from acqd.storage.schema import power_15min
+from acqd.storage.schema import power_1min, power_15min
 from acqd.storage.writer import Writer
 from tests.commands import acqd_here
 from tests.storage.rows import T0, message, row
@@ -132,6 +134,51 @@ def test_export_is_paid_at_feed_in_and_emissions_follow_their_series(tmp_path):
     quarters = [(T0 + 900 * k) // 900 * 900 - T0 // 3600 * 3600 for k in range(2)]
     expected = sum(0.75 * (0.2 if at < 2700 else 0.4) for at in quarters)
     assert total["CO2_kg"] == pytest.approx(expected, rel=0.01)  # of import only
+
+
+def minutes(folder, powers, lacking=()):
+    """Roll-ups of minutes and quarter hours, from 00:00 UTC."""
+    engine = open_database(str(folder / "m.sqlite"))
+    for table, step in ((power_1min, 1), (power_15min, 15)):
+        rows, W = [], 1.0
+        for k in range(0, len(powers), step):
+            P = powers[k : k + step]
+            W += sum(P) / 60_000
+            if not set(range(k, k + step)) & set(lacking):
+                rows.append({"device": "cell1", "channel": "total", "start": MIDNIGHT + 60 * k, "rows": 1500 * step,
+                             "P": sum(P) / step, "P_min": min(P), "P_max": max(P), "W": W, "flagged": 0})  # fmt: skip
+        with transaction(engine) as connection:
+            connection.execute(sa.insert(table), rows)
+    return engine
+
+
+MIDNIGHT = 1_780_272_000  # 2026-06-01
+
+
+def test_a_quarter_hour_that_exports_on_balance_costs_the_same_in_minutes(tmp_path):
+    engine = minutes(tmp_path, [6000.0 if k % 15 < 5 else -6000.0 for k in range(120)])
+    (tmp_path / "t.toml").write_text("price = 0.3\nfeed_in = 0.08\nco2 = 0.4\n")
+    tariff, cuts = load_tariff(tmp_path / "t.toml"), [MIDNIGHT + 900 * k for k in range(1, 9)]
+    fine, coarse = (read_accounts(engine, "cell1", [cuts], tariff, seconds=step)[0].periods for step in (60, 900))
+    assert [float(one.cost) for one in fine] == pytest.approx([-0.5 * 0.08] * 7)
+    assert [float(one.cost) for one in coarse] == pytest.approx([-0.5 * 0.08] * 7)
+    assert {float(one.co2_kg) for one in (*fine, *coarse)} == {0.0}
+
+
+def test_energy_over_a_change_of_price_or_factor_in_a_gap_has_neither(tmp_path):
+    engine = minutes(tmp_path, [6000.0] * 60, lacking=range(20, 40))
+    (tmp_path / "co2.csv").write_text("time,g\n2026-06-01T00:00Z,100\n2026-06-01T00:30Z,900\n")
+    (tmp_path / "t.toml").write_text(
+        'zone = "UTC"\nco2_series = {file = "co2.csv", unit = "g/kWh"}\n'
+        '[[time_of_use]]\nprice = 0.2\nhours = "00:00-00:25,00:28-24:00"\n'
+        '[[time_of_use]]\nprice = 9.0\nhours = "00:25-00:28"\n'
+    )
+    tariff = load_tariff(tmp_path / "t.toml")
+    (hour,) = read_accounts(engine, "cell1", [[MIDNIGHT, MIDNIGHT + 3600]], tariff, seconds=60)[0].periods
+    assert hour.kWh == pytest.approx(5.9) and hour.missing_s == 1200  # the first minute has no reading before
+    assert hour.unpriced_nWh == hour.no_co2_nWh == pytest.approx(2.1e12)  # the gap, and the minute after it
+    assert float(hour.cost) == pytest.approx(3.8 * 0.2)
+    assert float(hour.co2_kg) == pytest.approx(1.9 * 0.1 + 1.9 * 0.9)
 
 
 def test_a_register_that_is_a_second_back_after_a_power_cut_is_no_step(tmp_path):

@@ -94,7 +94,8 @@ MIDNIGHT = 1_795_647_600  # 2026-11-26 in Berlin
 def running(since, EUR, price=0.25):
     def period(begin, cost):
         values = {"begin": begin, "end": begin + 3600, "nWh": 2 * 10**12, "known_s": 3600.0, "mean_W": 2e3,
-                  "max_W": 2e3, "demand": None, "unpriced_nWh": 0, "co2_kg": None, "standby_nWh": 10**12}  # fmt: skip
+                  "max_W": 2e3, "demand": None, "unpriced_nWh": 0, "co2_kg": None, "no_co2_nWh": 0,
+                  "standby_nWh": 10**12}  # fmt: skip
         return Period(**values, cost=cost)
 
     today, yesterday = period(since, EUR), period(since - 86_400, Fraction(7, 2))

@@ -26,10 +26,10 @@ def test_an_unknown_robot_is_named_with_those_there_are():
 @pytest.mark.parametrize(
     ("old", "new", "complaint"),
     [
-        ("mass = 3.394011", "mass = -3.4", r"joint\.0\.link\.mass: .*greater than 0"),
-        ("limits_deg = [-170, 170]", "limits_deg = [170, -170]", r"joint\.0\.limits_deg: expected \[lower, upper\]"),
+        ("mass = 3.394011", "mass = -3.4", r"joint 1\.link\.mass: .*greater than 0"),
+        ("limits_deg = [-170, 170]", "limits_deg = [170, -170]", r"joint 1\.limits_deg: expected \[lower, upper\]"),
         ('name = "A2"', 'name = "A1"', "joint names .* are not all different"),
-        ("axis = [0, 0, 1]", "axes = [0, 0, 1]", r"joint\.0\.axes: there is no such key"),
+        ("axis = [0, 0, 1]", "axes = [0, 0, 1]", r"joint 1\.axes: there is no such key"),
         ("[base]", "[base", "is not valid TOML"),
     ],
 )

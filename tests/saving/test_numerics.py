@@ -19,9 +19,11 @@ from acqd.motion.program_file import Program
 from acqd.robot.arm import Arm
 from acqd.robot.collision import CollisionChecker
 from acqd.robot.scene import load_scene
-from acqd.saving.cycle import Rest, Stretch, joined, pieces_of
+from acqd.saving.cycle import RELEASE_S, Rest, Stretch, joined, pieces_of
 from acqd.saving.doubt import Doubt, _fitted
+from acqd.saving.log_cycle import LogCycle
 from acqd.saving.order import _exact, _exchanged, reordered
+from acqd.saving.plan import Change, at_rest
 from acqd.saving.posture import easier_rests, easier_waits
 from acqd.saving.power import Meter
 from acqd.saving.sharing import Curve, shared
@@ -165,6 +167,19 @@ def test_the_wander_of_a_meter_is_no_error_of_a_difference(model, held_out, path
     )
     still, moved = (Doubt.of(model, each).half_width(before, after, 10.0) for each in (noisy, wandering))
     assert moved == pytest.approx(still, rel=0.15)
+
+
+def test_closed_brakes_end_an_error_and_rounding_makes_no_cycle_shorter():
+    def rest(seconds, outer):
+        rows = round(seconds * RATE)
+        return Rest(HOME, seconds, np.ones(rows, bool), np.zeros(rows, bool), process=False, outer=outer)
+
+    cycle = LogCycle([rest(1.0, True), rest(5.0, False), rest(1.0, True)], None, None, 0.5)
+    as_it_is = [1.0, 5.0, 1.0]
+    assert cycle.unlike_s(Change(brakes_after=2.0), as_it_is) == at_rest(5.0 - 2.0 - RELEASE_S)
+    assert cycle.unlike_s(Change(), as_it_is) == 0.0
+    motion, _ = cycle.timed(Change(waits=True), [1.0, 5.0004, 1.0])
+    assert len(motion) == 7000 and len(cycle.timed(Change(waits=True), [1.0004, 5.0004, 1.0004])[0]) == 7001
 
 
 def test_a_long_wait_with_a_stretched_arm_moves_to_where_holding_is_easier(model):

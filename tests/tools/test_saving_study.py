@@ -9,7 +9,7 @@ from acqd.robot.description import load_description
 from acqd.robot.log_reader import read_log
 from tools.studies.foreign.cases import World
 from tools.studies.saving.__main__ import summary
-from tools.studies.saving.execution import energy, replayed, violations, write_log
+from tools.studies.saving.execution import energy, greatest, replayed, violations, write_log
 from tools.studies.saving.programs import pick_and_place
 
 
@@ -20,19 +20,20 @@ def test_a_log_that_is_replayed_uses_what_the_program_used(tmp_path):
     write_log(tmp_path / "log.csv", program, plant.signals, random)
     again = replayed(timed_joints(motion_of(read_log(tmp_path / "log.csv", robot), robot)), len(program.q))
     assert np.abs(again.q - program.q).max() < 2e-3
-    assert violations(plant, again, program) == []
+    own = greatest(plant, program)
+    assert violations(plant, again, own) == []
     still = np.ones(len(program.q))
     assert energy(plant, again, still) == pytest.approx(energy(plant, program, still), rel=1e-3)
-    assert "speed" in violations(plant, type(program)(again.q, 9 * again.qd, again.qdd), program)
+    assert "speed" in violations(plant, type(program)(again.q, 9 * again.qd, again.qdd), own)
 
 
 def test_figures_count_proposals():
     line = {
         "plant": "a", "program": 0, "block": "equal", "name": "best together", "before_J": 100.0, "predicted_J": 3.0,
-        "half_J": 1.0, "measured_J": 2.5, "verdict": "saves", "violations": [],
+        "half_J": 1.0, "measured_J": 2.5, "verdict": "saves", "violations": [], "again": False,
     }  # fmt: skip
     worse = line | {"program": 1, "measured_J": -1.0, "violations": ["jerk"]}
-    figures = summary([line, worse, line | {"half_J": None, "name": "other"}])
+    figures = summary([line, worse, line | {"half_J": None, "name": "other"}, line | {"again": True, "name": "also"}])
     assert (figures["programs"], figures["proposals"], figures["within_interval"]) == (2, 2, 1)
     assert (figures["said_to_save"], figures["of_these_worse"], figures["limits_violated"]) == (2, 1, 1)
     assert figures["median_saving"]["equal, best"] == pytest.approx(0.0075)
@@ -41,7 +42,7 @@ def test_figures_count_proposals():
 def test_proposals_of_one_plant_count_as_alike_and_make_the_coverage_less_sure():
     line = {
         "program": 0, "block": "equal", "name": "speeds", "before_J": 9.0, "predicted_J": 2.0, "half_J": 1.0,
-        "verdict": "saves", "violations": [],
+        "verdict": "saves", "violations": [], "again": False,
     }  # fmt: skip
     errors = {"a": (0.2, 0.3, 0.25), "b": (-0.4, -0.5, -0.45), "c": (1.4, 1.2, 1.3)}
     figures = summary([line | {"plant": p, "measured_J": 2.0 + e} for p, some in errors.items() for e in some])

@@ -30,8 +30,10 @@ RANDOM = ("random positions", "stations in random order")
 STEP_S, RATE_HZ = 0.04, 1000
 WITHIN_S = 0.08
 NOISE_RAD = 2e-5
-POINTS = 60
-"""Of a loop's path, about 0.2 s apart."""
+POINT_S = 0.05
+"""Distance of the points of a loop's path that may be the first: less than WITHIN_S, so that it is no error."""
+PASS_S = 0.01
+"""Within which the pass of a point is known."""
 
 
 @dataclass
@@ -134,21 +136,23 @@ def _starts(names: list[str], number: np.ndarray, q: np.ndarray, kind: str) -> n
 
 
 def _loops(q: np.ndarray, home: np.ndarray, cycles: int) -> list[np.ndarray]:
-    """When the arm passes each of POINTS points of a cycle's path, once in every cycle, s."""
-    first, last = (_passes(q, home, cycles)[cycles // 2 :][:2] * RATE_HZ).tolist()
-    points = q[np.linspace(first, last, POINTS, endpoint=False).astype(int)]
-    return [_passes(q, point, cycles) for point in points]
+    """When the arm passes each of many points of a cycle's path, once in every cycle, s."""
+    rows = q[:: round(PASS_S * RATE_HZ)]
+    first, last = (_passes(rows, home, cycles)[cycles // 2 :][:2] / PASS_S).round().astype(int).tolist()
+    return [_passes(rows, point, cycles) for point in rows[first : last : round(POINT_S / PASS_S)]]
 
 
 def _passes(q: np.ndarray, point: np.ndarray, cycles: int) -> np.ndarray:
-    """When the arm passes a point, once in every cycle, s: the nearest rows, at least half a cycle apart."""
+    """When the arm passes a point, once in every cycle, s: the nearest rows (PASS_S), at least half a cycle apart."""
     distance = np.linalg.norm(q - point, axis=1)
     half = len(q) // (2 * cycles)
     at: list[int] = []
     for row in np.argsort(distance)[: len(q) // 4].tolist():
-        if len(at) < cycles and all(abs(row - other) > half for other in at):
+        if all(abs(row - other) > half for other in at):
             at.append(row)
-    return np.sort(np.array(at)) / RATE_HZ
+        if len(at) == cycles:
+            break
+    return np.sort(np.array(at)) * PASS_S
 
 
 def judge(score: Score, session: Session) -> None:

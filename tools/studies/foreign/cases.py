@@ -53,17 +53,19 @@ class World:
     own_clocks: bool
     harsh: bool = False
     """At a site that shares no assumption with acqd (`generator.site`)."""
+    arm: str = ""
+    """A shipped description, for another robot than the usual one of that number of axes."""
 
     @property
     def name(self) -> str:
         """Folder of its files."""
         extras = ["torque"] * self.torques + ["clocks"] * self.own_clocks + ["harsh"] * self.harsh
-        return "-".join([f"axes{self.axes}", self.amount, *extras, f"seed{self.seed}"])
+        return "-".join([self.arm or f"axes{self.axes}", self.amount, *extras, f"seed{self.seed}"])
 
     @property
     def robot(self) -> str:
         """Description that acqd is given."""
-        return ROBOTS[self.axes]
+        return self.arm or ROBOTS[self.axes]
 
     def plant(self) -> Plant:
         """The true plant."""

@@ -1,6 +1,6 @@
 """Judges `acqd save` on foreign plants: is a predicted saving there, and is its interval honest?
 
-    python -m tools.studies.saving OUT [--programs 3 --plants 1 --axes 6 7 --seconds 40 --amount short --seed 1]
+    python -m tools.studies.saving OUT [--programs 3 --plants 1 --robots ur10e fr3 --seconds 40 --amount short --seed 1]
 
 The plants share neither equations nor parameters with acqd (tools.studies.foreign). Of each, acqd trains a grey box on
 random motion, as a user would. Then pick-and-place programs with other laws of motion are executed, acqd proposes from
@@ -29,7 +29,7 @@ from tools.common.tables import show
 from tools.studies.foreign.cases import World
 from tools.studies.foreign.generator.motion import STEP_S
 from tools.studies.foreign.runner import Runner
-from tools.studies.saving.execution import energy, replayed, violations, write_log
+from tools.studies.saving.execution import energy, greatest, replayed, violations, write_log
 from tools.studies.saving.programs import Executed, pick_and_place
 
 _KEY = 44021
@@ -41,8 +41,9 @@ def options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("out", type=Path, metavar="OUT")
     parser.add_argument("--programs", type=int, default=3, help="per plant")
+    parser.add_argument("--first", type=int, default=0, help="number of the first program: others are other programs")
     parser.add_argument("--plants", type=int, default=1, help="per robot")
-    parser.add_argument("--axes", type=int, nargs="+", default=[6, 7], choices=[6, 7])
+    parser.add_argument("--robots", nargs="+", default=["ur10e", "iiwa7_r800", "fr3"], help="shipped descriptions")
     parser.add_argument("--seconds", type=float, default=40.0, help="of a program")
     parser.add_argument("--amount", choices=["short", "full"], default="short", help="of recordings to learn from")
     parser.add_argument("--seed", type=int, default=1)
@@ -63,20 +64,27 @@ def judged(runner: Runner, number: int, seconds: float) -> list[dict[str, Any]]:
     write_log(log, program, plant.signals, random)
     asked = Asked()
     found = savings(opened(model, log, asked), asked, lambda *_: None)
-    lines = []
+    lines, own = [], greatest(plant, program)
     for block, title in ((found.equal, "equal"), (found.other, "longer")):
         waiting = block.instead.use.seconds - found.equal.instead.use.seconds
         whole = _waiting(program, waiting)
         before = energy(plant, whole, np.ones(len(whole.q)))
+        now = block.instead.use.causes
+        executed: dict[float, tuple[float, list[str]]] = {}  # the best together is often one of the single changes
         for each in block.proposals:
             longer_s = each.use.seconds - found.before.seconds
-            motion = replayed(timed_joints(each.motion), len(program.q) + round(longer_s / STEP_S))
-            after = energy(plant, motion, _brakes(each, len(motion.q), signals=plant.signals))
+            again = each.use.energy in executed
+            if not again:
+                motion = replayed(timed_joints(each.motion), len(program.q) + round(longer_s / STEP_S))
+                after = energy(plant, motion, _brakes(each, len(motion.q), signals=plant.signals))
+                executed[each.use.energy] = after, violations(plant, motion, own)
+            after, broken = executed[each.use.energy]
             lines.append(
                 {
                     "plant": world.name, "program": number, "block": title, "name": each.name,
                     "before_J": before, "predicted_J": each.saving, "half_J": each.half, "measured_J": before - after,
-                    "verdict": each.verdict, "violations": violations(plant, motion, program),
+                    "verdict": each.verdict, "violations": broken, "again": again,
+                    "change_J": {cause: used - each.use.causes.get(cause, 0.0) for cause, used in now.items()},
                 }
             )  # fmt: skip
     done.write_text(json.dumps(lines))
@@ -102,8 +110,9 @@ def _brakes(proposal: Proposal, rows: int, *, signals: bool) -> np.ndarray:
 
 def summary(lines: list[dict[str, Any]]) -> dict[str, Any]:
     """Figures over all programs."""
-    known = [each for each in lines if each["half_J"] is not None]
+    known = [each for each in lines if each["half_J"] is not None and not each["again"]]
     within = [abs(each["measured_J"] - each["predicted_J"]) <= each["half_J"] for each in known]
+    relative = [(each["measured_J"] - each["predicted_J"]) / each["half_J"] for each in known]
     worse = [each for each in known if each["verdict"] == "saves" and each["measured_J"] < 0]
 
     def median(block: str, name: str, key: str) -> float:
@@ -116,6 +125,8 @@ def summary(lines: list[dict[str, Any]]) -> dict[str, Any]:
         "programs": len({(each["plant"], each["program"]) for each in lines}),
         "proposals": len(known), "within_interval": sum(within), "coverage": float(np.mean(within)) if known else None,
         "coverage_error": _jackknife(np.array(within), plants), "one_plant_correlation": _alike(known, plants),
+        "error_in_half_widths_rms": float(np.sqrt(np.mean(np.square(relative)))) if known else None,
+        "median_half_width": float(np.median([each["half_J"] / each["before_J"] for each in known])) if known else None,
         "said_to_save": sum(each["verdict"] == "saves" for each in known), "of_these_worse": len(worse),
         "unprovable": sum(each["verdict"] == "unprovable" for each in known),
         "best_within_interval": sum(abs(each["measured_J"] - each["predicted_J"]) <= each["half_J"] for each in best),
@@ -156,11 +167,11 @@ def main() -> None:
     """Print a line per program and the figures."""
     given = options()
     worlds = [
-        World(axes, given.seed + k, given.amount, torques=False, own_clocks=False)
-        for axes, k in product(given.axes, range(given.plants))
+        World(load_description(robot).axes, given.seed + k, given.amount, torques=False, own_clocks=False, arm=robot)
+        for robot, k in product(given.robots, range(given.plants))
     ]
     lines: list[dict[str, Any]] = []
-    tasks = list(product(worlds, range(given.programs)))
+    tasks = list(product(worlds, range(given.first, given.first + given.programs)))
     for world, number in track(tasks, "programs", console=Console(stderr=True)):
         runner = Runner(given.out.resolve(), world, "saving", None)
         try:

@@ -62,20 +62,20 @@ def replayed(text: str, rows: int) -> Executed:
     return Executed(spline(t), spline(t, 1), spline(t, 2))
 
 
-def violations(plant: Plant, motion: Executed, before: Executed) -> list[str]:
-    """Limits of the described arm that a motion exceeds by more than 2 %, and the original does not."""
-    found = []
+def greatest(plant: Plant, motion: Executed) -> dict[str, Floats]:
+    """The greatest speed [rad/s], acceleration [rad/s^2] and torque [Nm] of every joint in a motion."""
+    torque = joint_torques(plant.arm, plant.arm.bodies, motion.q, motion.qd, motion.qdd)
+    values = {"speed": motion.qd, "acceleration": motion.qdd, "torque": torque}
+    return {name: np.abs(each).max(axis=0) for name, each in values.items()}
+
+
+def violations(plant: Plant, motion: Executed, before: dict[str, Floats]) -> list[str]:
+    """Limits of the described arm that a motion exceeds by more than 2 %, and the original does not (`greatest`)."""
     arm = plant.arm
-    limits = {"speed": ("qd", arm.speed), "acceleration": ("qdd", arm.acceleration)}
-    for name, (attribute, limit) in limits.items():
-        own = np.abs(getattr(before, attribute)).max(axis=0)
-        if (np.abs(getattr(motion, attribute)).max(axis=0) > 1.02 * np.maximum(limit, own)).any():
-            found.append(name)
-    if (motion.q < arm.lower).any() or (motion.q > arm.upper).any():
-        found.append("position")
-    torque, own_torque = (
-        np.abs(joint_torques(arm, arm.bodies, each.q, each.qd, each.qdd)).max(axis=0) for each in (motion, before)
-    )
-    if (torque > 1.02 * np.maximum(arm.torque, own_torque)).any():
-        found.append("torque")
-    return found
+    found = [
+        name
+        for name, value in greatest(plant, motion).items()
+        if (value > 1.02 * np.maximum(getattr(arm, name), before[name])).any()
+    ]
+    outside = (motion.q < arm.lower).any() or (motion.q > arm.upper).any()
+    return [*found, "position"] if outside else found

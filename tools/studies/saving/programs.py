@@ -14,6 +14,8 @@ from tools.studies.foreign.generator.arm import Floats
 from tools.studies.foreign.generator.motion import STEP_S
 
 _POINTS = 5
+_REACH_RAD = 2.0
+"""Largest angle of a joint from the middle of its range."""
 _LONGEST_WAY = 1.2
 """rad from one point to the next."""
 _SPEED, _HOLD_S, _WAIT_S = (0.25, 0.7), (0.3, 0.6), (1.0, 5.0)
@@ -50,7 +52,8 @@ def pick_and_place(robot: RobotDescription, seconds: float, random: np.random.Ge
 
 def _points(robot: RobotDescription, checker: CollisionChecker, random: np.random.Generator) -> list[Floats]:
     """Points whose straight ways, also back to the first, are free."""
-    low, high = np.maximum(0.7 * robot.lower, -2.0), np.minimum(0.7 * robot.upper, 2.0)
+    middle, reach = (robot.lower + robot.upper) / 2, np.minimum(0.7 * (robot.upper - robot.lower) / 2, _REACH_RAD)
+    low, high = middle - reach, middle + reach
 
     def free(a: Floats, b: Floats) -> bool:
         return not checker.path_collides(dense_path(np.array([a, b]), _CHECK_RAD))

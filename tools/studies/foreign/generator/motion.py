@@ -15,7 +15,7 @@ GAP_S = 12.0
 _REST_S = 3.0
 """Rest at both ends of a recording, with closed brakes during the outer half."""
 _REACH_RAD = 2.2
-"""Largest angle used on joints that could turn further."""
+"""Largest angle from the middle of its range that a joint turns."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,7 +124,9 @@ def _target(arm: Arm, random: np.random.Generator) -> Floats:
 
 
 def _range(arm: Arm) -> tuple[Floats, Floats]:
-    return np.maximum(0.75 * arm.lower, -_REACH_RAD), np.minimum(0.75 * arm.upper, _REACH_RAD)
+    middle = (arm.lower + arm.upper) / 2
+    reach = np.minimum(0.75 * (arm.upper - arm.lower) / 2, _REACH_RAD)
+    return middle - reach, middle + reach
 
 
 def _move(arm: Arm, start: Floats, target: Floats, override: float, random: np.random.Generator) -> _Block:
