@@ -304,9 +304,9 @@ def _make_file(engine: sa.Engine) -> None:
             text = (
                 f"{shown(engine.url)}: no such file, but its write-ahead log {log.name} holds rows: moved away? Put it "
             )
-            text += "back; to begin with an empty database, delete the log, too"
+            text += "it back; to begin with an empty database, delete the log, too"
             raise DatabaseAwayError(f"database {text}", text)
-        os.close(private(path, os.O_CREAT | os.O_RDWR | os.O_CLOEXEC))
+        os.close(private(str(path), os.O_CREAT | os.O_RDWR | os.O_CLOEXEC))
 
 
 def _lacks_rights(error: sa.exc.DBAPIError) -> bool:
