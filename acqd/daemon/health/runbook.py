@@ -79,7 +79,9 @@ RUNBOOK = (
     _entry(
         "name-taken",
         "`name taken: ...`, or `broker away: connections end within seconds`",
-        "two daemons of one name: the sentence names the other; give each a `device`, or `acqd run --take-name` once",
+        "two daemons of one name: the sentence names the other; give each a `device`, or `acqd run --take-name` once. "
+        "Of a sink: two of one `[sink] client_id`, and each stores what comes while it is connected; give each another "
+        "one",
         r"name taken|connections end within seconds",
     ),
     _entry(
