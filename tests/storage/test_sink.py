@@ -160,8 +160,8 @@ def test_two_sinks_of_one_client_id_both_say_so_also_while_they_are_connected(mo
     address = BrokerAddress(port=mosquitto.port)
     engines = [open_database(str(tmp_path / f"{name}.sqlite")) for name in "ab"]
     with (
-        running_sink(address, engines[0], client_id="s") as one,
-        running_sink(address, engines[1], client_id="s") as two,
+        running_sink(address, engines[0], client_id="s") as first,
+        running_sink(address, engines[1], client_id="s") as second,
     ):
         for sink in (first, second):
             wait_for(lambda sink=sink: named(sink), "a name that is taken")

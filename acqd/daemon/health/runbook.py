@@ -191,7 +191,8 @@ RUNBOOK = (
     _entry(
         "database-away",
         "`database away: ...` (sink)",
-        "the sentence is the database's; rows wait with the broker",
+        "the sentence is the database's; rows wait with the broker. `disk I/O error` with a healthy disk: a program "
+        "has the index of a write-ahead log open that was deleted; `fuser FILE`, close it",
         r"database away|^doctor: database",
     ),
     _entry(
