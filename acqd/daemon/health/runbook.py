@@ -148,9 +148,9 @@ RUNBOOK = (
     ),
     _entry(
         "deleted",
-        "`N times somebody deleted files of the spool`",
-        "who cleans `state_dir`? Exclude it; `acqd sink completeness` shows gaps; then `acqd status --acknowledge`",
-        r"deleted files of the spool",
+        "`N times somebody deleted or changed files of the spool`",
+        "who cleans or rotates `state_dir`? Exclude it; `acqd sink completeness` shows gaps; then `acqd status --acknowledge`",
+        r"deleted or changed files of the spool",
     ),
     _entry(
         "power-cut",
