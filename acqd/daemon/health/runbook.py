@@ -149,7 +149,8 @@ RUNBOOK = (
     _entry(
         "deleted",
         "`N times somebody deleted or changed files of the spool`",
-        "who cleans or rotates `state_dir`? Exclude it; `acqd sink completeness` shows gaps; then `acqd status --acknowledge`",
+        "who cleans or rotates `state_dir`? Exclude it; `acqd sink completeness` shows gaps; then "
+        "`acqd status --acknowledge`",
         r"deleted or changed files of the spool",
     ),
     _entry(
