@@ -301,10 +301,8 @@ def _make_file(engine: sa.Engine) -> None:
     log = Path(f"{os.path.realpath(path)}-wal")  # beside the file that a symbolic link leads to
     with contextlib.suppress(OSError):  # SQLite says why
         if log.exists() and log.stat().st_size:
-            text = (
-                f"{shown(engine.url)}: no such file, but its write-ahead log {log.name} holds rows: moved away? Put it "
-            )
-            text += "it back; to begin with an empty database, delete the log, too"
+            text = f"{shown(engine.url)}: no such file, but its write-ahead log {log.name} holds rows: moved away? "
+            text += "Put it back; to begin with an empty database, delete the log, too"
             raise DatabaseAwayError(f"database {text}", text)
         os.close(private(str(path), os.O_CREAT | os.O_RDWR | os.O_CLOEXEC))
 
