@@ -234,10 +234,16 @@ class Segment:
         return lost
 
     def recall(self) -> None:
-        """Every row of the segment waits again. Raises OSError."""
+        """Every row of the segment waits again, after a restart, too: its index says what waited. Raises OSError."""
         whole = Segment(self.number, None)
         whole._index(self.read(0, self.size))
         self.pending = whole.pending
+        if self._file is None and self.path is not None:
+            file = os.open(self.path, os.O_WRONLY | os.O_NOFOLLOW | os.O_CLOEXEC)
+            try:
+                os.ftruncate(file, self.size)
+            finally:
+                os.close(file)
 
     def _release(self) -> None:
         if self._file is not None:
