@@ -25,7 +25,7 @@ async def opened(url: str, stop: asyncio.Event, alive: Callable[[], None]) -> sa
     while not stop.is_set():
         alive()
         try:
-            engine = await asyncio.to_thread(open_database, url, create=False)
+            engine = await asyncio.to_thread(open_database, url, create=False, hold=False)
         except DatabaseAwayError as error:
             if not said:
                 _log.error("database: %s; logs wait, trying again", error.reason)

@@ -49,18 +49,18 @@ _CONVERTED_AT_ONCE = 50_000
 MIGRATIONS = Path(__file__).parent / "migrations"
 
 
-def open_database(url: str, *, create: bool = True) -> sa.Engine:
-    """Engine for `url` (or a plain path: SQLite), with the schema brought up to date.
+def open_database(url: str, *, create: bool = True, hold: bool = True) -> sa.Engine:
+    """Engine for `url` (or a plain path: SQLite), with the schema brought up to date; `hold` as in `engine_for`.
 
     Raises UserError for a URL, path or server that cannot be used; without `create`, for a SQLite file that is not
     there or another program's, and for a server's database without tables, as an empty replica is: only the sink makes
     them.
     """
-    engine = engine_for(url)
+    engine = engine_for(url, hold=hold)
     if not create:
         _require_file(engine)
         _check_tables(engine)
-    prepare(engine)
+    prepare(engine, create=create)
     return engine
 
 
@@ -89,13 +89,14 @@ def _may_be_ours(file: Path) -> bool:
     return not names or {"power", "alembic_version"} <= names
 
 
-def prepare(engine: sa.Engine) -> None:
-    """Reach the database and bring its schema up to date.
+def prepare(engine: sa.Engine, *, create: bool = True) -> None:
+    """Reach the database and bring its schema up to date; with `create`, make the file of SQLite where none is.
 
     Raises DatabaseAwayError while it is away, else UserError when it cannot be used.
     """
     try:
-        _make_private(engine)
+        if create:
+            _make_file(engine)
         with engine.connect():
             pass
         migrate(engine)
@@ -117,7 +118,7 @@ def read_database(url: str) -> sa.Engine:
 
     Raises UserError for a URL that cannot be used, and for a SQLite file that is not there.
     """
-    engine = engine_for(url, impatient=True, viewing=True)
+    engine = engine_for(url, impatient=True, viewing=True, hold=False)
     _require_file(engine)
     sa.event.listen(engine, "handle_error", _named)
     return engine
@@ -190,17 +191,22 @@ def _up_to_date(engine: sa.Engine) -> bool:
     return version == newest_version()
 
 
-def engine_for(url: str, *, impatient: bool = False, viewing: bool = False) -> sa.Engine:
+def engine_for(url: str, *, impatient: bool = False, viewing: bool = False, hold: bool = True) -> sa.Engine:
     """Engine for a URL or path; nothing is opened yet.
 
     `impatient`: statements and locks that take longer than seconds are errors, for a caller that tries again.
-    `viewing`: nothing is written. Raises UserError for a URL or a folder that cannot be used.
+    `viewing`: nothing is written. Without `hold`, a file is opened for each use: an idle connection would go on with a
+    file that was replaced, and with its index of a write-ahead log that is gone, by which the sink finds no page.
+    Raises UserError for a URL or a folder that cannot be used.
     """
     parsed = parse_url(url)
     try:
         if parsed.get_backend_name() == "sqlite":
             _check_folder(parsed.database)
-            engine = sa.create_engine(parsed, connect_args={"timeout": _LOCK_S if impatient else _PATIENCE_S})
+            options = {} if hold or parsed.database in (None, "", ":memory:") else {"poolclass": sa.NullPool}
+            patience = {"timeout": _LOCK_S if impatient else _PATIENCE_S}
+            engine = sa.create_engine(parsed, connect_args=patience, **options)
+            sa.event.listen(engine, "do_connect", _existing_file)
             sa.event.listen(engine, "connect", _sqlite_viewing if viewing else _sqlite_settings)
             return engine
         # A statement that was prepared on one connection of a pooler is unknown on the next one.
@@ -234,6 +240,15 @@ def file_of(engine: sa.Engine) -> Path | None:
     """The file of an SQLite database; None for a server or memory."""
     path = engine.url.database
     return Path(path) if engine.dialect.name == "sqlite" and path and path != ":memory:" else None
+
+
+def _existing_file(_dialect: Any, _record: Any, arguments: list[Any], options: dict[str, Any]) -> None:
+    """Only `prepare` makes a file: SQLite would make an empty one in the place of a file that was moved away, and then
+    delete the write-ahead log that is beside it, with the rows that it holds.
+    """
+    if arguments and arguments[0] not in ("", ":memory:"):
+        arguments[0] = f"{Path(arguments[0]).absolute().as_uri()}?mode=rw"
+        options["uri"] = True
 
 
 def _sqlite_functions(connection: Any) -> None:
@@ -274,12 +289,22 @@ def _to_wal(cursor: sqlite3.Cursor) -> None:
             time.sleep(0.02)
 
 
-def _make_private(engine: sa.Engine) -> None:
-    """A new SQLite file is not for everybody (0640); SQLite gives its journals the mode of the file."""
-    path = engine.url.database
-    if engine.dialect.name == "sqlite" and path and path != ":memory:" and not Path(path).exists():
-        with contextlib.suppress(OSError):  # SQLite says why
-            os.close(private(path, os.O_CREAT | os.O_RDWR | os.O_CLOEXEC))
+def _make_file(engine: sa.Engine) -> None:
+    """A new SQLite file is not for everybody (0640); SQLite gives its journals the mode of the file.
+
+    Raises DatabaseAwayError where only the write-ahead log is there: it holds rows, and SQLite deletes the log of a
+    file that is empty.
+    """
+    path = file_of(engine)
+    if path is None or path.exists():
+        return
+    log = Path(f"{os.path.realpath(path)}-wal")  # beside the file that a symbolic link leads to
+    with contextlib.suppress(OSError):  # SQLite says why
+        if log.exists() and log.stat().st_size:
+            text = f"{shown(engine.url)}: no such file, but its write-ahead log {log.name} holds rows: moved away? "
+            text += "Put it back; to begin with an empty database, delete the log, too"
+            raise DatabaseAwayError(f"database {text}", text)
+        os.close(private(str(path), os.O_CREAT | os.O_RDWR | os.O_CLOEXEC))
 
 
 def _lacks_rights(error: sa.exc.DBAPIError) -> bool:

@@ -24,6 +24,7 @@ from acqd.storage.database_witness import DatabaseWitness
 from acqd.storage.url import shown
 
 _log = logging.getLogger(__name__)
+_MOVED = "the file was moved away or deleted while the sink ran; put it back, or restart the sink"
 
 
 class Guard:
@@ -79,7 +80,7 @@ class Guard:
         """Before anything connects: SQLite would make a file where none is."""
         if self._path is not None and self._identity is not None and self._stat() is None:
             self._engine.dispose()
-            raise self._away("the file was moved away or deleted while the sink ran; put it back, or restart the sink")
+            raise self._away(_MOVED)
 
     def _check_connection(self, connection: sa.Connection) -> None:
         if self._path is None:
@@ -88,7 +89,7 @@ class Guard:
         if about.get("file") not in (None, now):
             connection.invalidate()
             self._engine.dispose()  # other threads have the old file open, too
-            raise self._away("the file was replaced while the sink ran; opening the new one")
+            raise self._away(_MOVED if now is None else "the file was replaced while the sink ran; opening the new one")
         log = self._stat("-wal")  # a transaction has begun, so SQLite has opened it
         if about.setdefault("log", log) != log:
             if log is None:  # what is in it, through the descriptor that is open, goes into the file

@@ -47,6 +47,9 @@ _STOP_S = 1.0
 _BATCH_BYTES, _HELD_BYTES = 4 << 20, 16 << 20
 """Payloads of one transaction, and of all messages that are not acknowledged."""
 _PROGRESS_S = 0.5
+_BRIEF = 2
+"""From so many brief connections on, the trouble stays in the status until one has lasted: two sinks of one client_id
+are connected by turns."""
 _LAG_KNOWN_S = 5.0
 """How long the lag of the last batch says something."""
 
@@ -77,7 +80,9 @@ class Sink:
         self._held = self._under_way = self._asked = 0
         self._recalled = ""
         self._since = self._fed = 0.0
-        self._announced = False
+        self._announced, self._announced_at = False, 0.0
+        self._brief = 0
+        """Connections that have ended within seconds, one after another."""
         self._said: set[str] = set()
         self._started = rfc3339(time.time_ns())
         self.counters = SinkCounters()
@@ -115,9 +120,10 @@ class Sink:
                 if self._announced:
                     backoff.ended(lasted_s)
                 if self._announced and lasted_s > LOCAL_NETWORK.stable_s:
-                    said = ""
+                    said, self._brief = "", 0
                 elif self._announced:  # a client of the same name may have taken the connection over
                     failure += f" (does another sink use the client_id {self._settings.client_id}?)"
+                    self._brief += 1
                 self.counters.broker_trouble = failure
                 if failure != said:
                     _say(self._address, failure)
@@ -267,9 +273,15 @@ class Sink:
         """Once the subscription stands, tell the daemons: from now on rows reach us."""
         if subscriber.refused:
             raise SubscriberError(f"{subscriber.refused}; check the broker's access rules for {topics.ALL_POWER}")
-        if self._announced or not subscriber.subscribed:
+        if self._announced:
+            if self._brief and time.monotonic() - self._announced_at > LOCAL_NETWORK.stable_s:
+                self._brief, self.counters.broker_trouble = 0, ""
             return
-        self._announced, self.counters.broker_trouble = True, ""
+        if not subscriber.subscribed:
+            return
+        self._announced, self._announced_at = True, time.monotonic()
+        if self._brief < _BRIEF:
+            self.counters.broker_trouble = ""
         for topic in subscriber.refused_topics:
             _log.warning("the broker refuses %s: rows that come there are not stored; check its access rules", topic)
         subscriber.publish(topics.sink_status(self._settings.client_id), self._announcement(), retain=True)

@@ -90,9 +90,13 @@ class LastRows:
         known = self._known.get(device)
         if known is None:
             return
-        for row in last:
+        rows = list(last)
+        mine = [row for row in rows if known.is_of(row.boot)]
+        if rows and not mine:
+            return  # late, to the question of an earlier start about the boot before
+        for row in mine:
             before = known.stored.get(row.channel)
-            if known.is_of(row.boot) and (before is None or row.seq > before.seq):
+            if before is None or row.seq > before.seq:
                 known.stored[row.channel] = row
         known.answered = True
         self._answered.set()

@@ -39,6 +39,57 @@ def test_a_file_that_was_moved_away_takes_no_row_and_is_used_again_when_it_is_ba
     assert count(open_database(str(path))) == 2 and not writer.guard.restored
 
 
+@pytest.mark.parametrize("opened", [open_database, read_database])
+def test_whoever_connects_while_the_file_is_away_makes_none_and_leaves_the_log_with_its_rows(tmp_path, opened):
+    """SQLite makes an empty file, and deletes the log that is there beside an empty file."""
+    path, away = tmp_path / "a.sqlite", tmp_path / "rotated.sqlite"
+    writer = Writer(open_database(str(path)))
+    writer.write([message(row(0))])
+    other = opened(str(path))
+    other.dispose()
+    path.rename(away)
+    with pytest.raises(sa.exc.OperationalError, match="unable to open"):
+        other.connect()
+    assert not path.exists() and path.with_name("a.sqlite-wal").stat().st_size
+    away.rename(path)
+    writer.write([message(row(1))])
+    assert count(other) == 2 and not writer.guard.restored
+
+
+def test_a_start_without_the_file_but_with_its_log_waits_for_the_file(tmp_path):
+    path, away = tmp_path / "a.sqlite", tmp_path / "rotated.sqlite"
+    engine = open_database(str(path))
+    Writer(engine).write([message(row(0))])
+    path.rename(away)
+    with pytest.raises(DatabaseAwayError, match=r"a\.sqlite-wal holds rows: moved away\? Put it back"):
+        open_database(str(path))
+    away.rename(path)
+    assert count(open_database(str(path))) == 1
+    for file in (path, path.with_name("a.sqlite-wal")):
+        file.unlink()
+    assert count(open_database(str(path))) == 0, "a person has deleted both"
+
+
+def test_a_viewer_that_is_idle_neither_stays_with_an_old_file_nor_keeps_the_sink_from_a_new_log(tmp_path):
+    """Its index of the log would be the index of a log that is gone: disk I/O error for everybody."""
+    path = tmp_path / "a.sqlite"
+    writer = Writer(open_database(str(path)))
+    writer.write([message(row(0))])
+    viewers = read_database(str(path)), open_database(str(path), create=False, hold=False)
+    assert [count(viewer) for viewer in viewers] == [1, 1]
+    path.with_name("a.sqlite-wal").unlink()
+    with pytest.raises(DatabaseAwayError, match="write-ahead log"):
+        writer.write([message(row(1))])
+    writer.write([message(row(1))])
+    assert [count(viewer) for viewer in viewers] == [2, 2]
+    backup = tmp_path / "b.sqlite"
+    open_database(str(backup)).dispose()
+    for suffix in ("-wal", "-shm"):
+        path.with_name(f"a.sqlite{suffix}").unlink()
+    backup.replace(path)
+    assert [count(viewer) for viewer in viewers] == [0, 0]
+
+
 def test_a_backup_that_was_put_back_gets_the_rows_that_it_lacks(tmp_path):
     path, backup = tmp_path / "a.sqlite", tmp_path / "backup.sqlite"
     engine = open_database(str(path))

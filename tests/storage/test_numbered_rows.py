@@ -190,6 +190,7 @@ def test_runs_outside_of_a_span_are_not_searched(tmp_path):
 @pytest.fixture
 def earlier(tmp_path):
     """A database of the schema before, with rows of all sorts."""
+    (tmp_path / "a.sqlite").touch()
     engine = engine_for(str(tmp_path / "a.sqlite"))
     config = Config()
     config.set_main_option("script_location", str(MIGRATIONS))

@@ -147,6 +147,28 @@ def test_several_sinks_share_the_work(mosquitto, database):
     assert count(engine) == 400
 
 
+def test_two_sinks_of_one_client_id_both_say_so_also_while_they_are_connected(mosquitto, tmp_path):
+    """The broker takes the connection from the one when the other comes."""
+
+    def named(sink):
+        for _ in range(5):
+            if not (sink.connected and "another sink" in sink.counters.broker_trouble):
+                return False
+            time.sleep(0.02)
+        return True
+
+    address = BrokerAddress(port=mosquitto.port)
+    engines = [open_database(str(tmp_path / f"{name}.sqlite")) for name in "ab"]
+    with (
+        running_sink(address, engines[0], client_id="s") as first,
+        running_sink(address, engines[1], client_id="s") as second,
+    ):
+        for sink in (first, second):
+            wait_for(lambda sink=sink: named(sink), "a name that is taken")
+    with running_sink(address, engines[0], client_id="s") as alone:
+        wait_for(lambda: alone.connected and not alone.counters.broker_trouble, "a name that nobody else has")
+
+
 @pytest.mark.parametrize("mqtt5", [True, False])
 def test_messages_that_are_too_large_stop_nothing(mosquitto, tmp_path, mqtt5):
     """With MQTT 5 the broker does not even send them; with 3.1.1 they are cut, and kept in quarantine."""

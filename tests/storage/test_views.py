@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from datetime import UTC, datetime
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -42,6 +43,8 @@ def test_a_prediction_has_the_time_and_device_of_its_power(database):
 @pytest.mark.parametrize(("devices", "expected"), [(["only"], "only"), (["one", "two"], None), ([], None)])
 def test_an_old_database_gets_times_and_the_device_that_it_can_know(database, devices, expected):
     engine = engine_for(database)
+    if engine.dialect.name == "sqlite":
+        Path(str(engine.url.database)).touch()
     config = Config()
     config.set_main_option("script_location", str(MIGRATIONS))
     with engine.begin() as connection:

@@ -35,3 +35,14 @@ def test_questions_are_asked_while_somebody_waits_and_end_with_an_answer():
         assert not known.answered and last.questions() == [], "nobody waits any more"
 
     finish(scenario())
+
+
+def test_a_late_answer_about_an_earlier_boot_ends_no_question():
+    async def scenario():
+        last = LastRows({"a": "boot"})
+        last.answered("a", [LastRow("L1", "before", 9, 1.0)])
+        assert not (await last.of("a", 0.0)).answered
+        last.answered("a", [])
+        assert (await last.of("a", 0.0)).answered, "a sink that has no row of the boot"
+
+    finish(scenario())

@@ -79,7 +79,9 @@ RUNBOOK = (
     _entry(
         "name-taken",
         "`name taken: ...`, or `broker away: connections end within seconds`",
-        "two daemons of one name: the sentence names the other; give each a `device`, or `acqd run --take-name` once",
+        "two daemons of one name: the sentence names the other; give each a `device`, or `acqd run --take-name` once. "
+        "Of a sink: two of one `[sink] client_id`, and each stores what comes while it is connected; give each another "
+        "one",
         r"name taken|connections end within seconds",
     ),
     _entry(
@@ -146,9 +148,10 @@ RUNBOOK = (
     ),
     _entry(
         "deleted",
-        "`N times somebody deleted files of the spool`",
-        "who cleans `state_dir`? Exclude it; `acqd sink completeness` shows gaps; then `acqd status --acknowledge`",
-        r"deleted files of the spool",
+        "`N times somebody deleted or changed files of the spool`",
+        "who cleans or rotates `state_dir`? Exclude it; `acqd sink completeness` shows gaps; then "
+        "`acqd status --acknowledge`",
+        r"deleted or changed files of the spool",
     ),
     _entry(
         "power-cut",
@@ -189,7 +192,8 @@ RUNBOOK = (
     _entry(
         "database-away",
         "`database away: ...` (sink)",
-        "the sentence is the database's; rows wait with the broker",
+        "the sentence is the database's; rows wait with the broker. `disk I/O error` with a healthy disk: a program "
+        "has the index of a write-ahead log open that was deleted; `fuser FILE`, close it",
         r"database away|^doctor: database",
     ),
     _entry(

@@ -114,8 +114,8 @@ def _counted(count: int, seen: int, said: str, problems: list[str], notes: list[
 def _lost_at_once(delivery: Delivery, seen: Acknowledged, problems: list[str], notes: list[str]) -> None:
     """Power cuts and deleted files, which are over at once: until a person has seen them."""
     deleted = (
-        f"{_of(delivery.deleted, 'time', 'times')} somebody deleted files of the spool: "
-        "they were written again, and older ones may be missing"
+        f"{_of(delivery.deleted, 'time', 'times')} somebody deleted or changed files of the spool: "
+        "what could be was written again, and older rows may be missing"
     )
     _counted(delivery.deleted, seen.deleted, deleted, problems, notes)
     unconfirmed = (

@@ -91,8 +91,12 @@ class SegmentLog:
         if self.trouble and time.monotonic() >= self._retry_at:
             self.to_disk()
         newest = self.newest
-        if newest is not None and not self.trouble and newest.unlinked:
+        harm = newest.harm if newest is not None and not self.trouble else ""
+        if newest is not None and harm == "deleted":
             self._rescue(newest)
+        elif newest is not None and harm == "resized":
+            self._leave(newest)
+            newest = None
         if newest is None or newest.size + len(data) > self._segment_bytes or (newest.path is None and self._on_disk):
             newest = self._rotate()
         try:
@@ -193,7 +197,7 @@ class SegmentLog:
 
     def close(self) -> None:
         """Write the index of the newest segment and release the folder. Raises OSError."""
-        if self.newest is not None and self.newest.unlinked:
+        if self.newest is not None and self.newest.harm == "deleted":
             self._rescue(self.newest)
         if self._folder is not None and self.in_memory():
             self.to_disk()
@@ -301,6 +305,13 @@ class SegmentLog:
             self._keep_reserve()
         self.deleted = before + 1  # the folder with it is the same deed
         _log.error("spool: somebody has deleted %s; its %d bytes are written again", path, newest.size)
+
+    def _leave(self, newest: Segment) -> None:
+        """Rows that follow what somebody has cut off or written into a file would not be found: they go elsewhere."""
+        self.deleted += 1
+        _log.error(
+            "spool: somebody has changed %s, which had %d bytes; rows go into another file", newest.path, newest.size
+        )
 
     def _rotate(self) -> Segment:
         """Begin another segment and close the one before."""

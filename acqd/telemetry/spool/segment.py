@@ -15,7 +15,7 @@ import time
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from acqd.regular_file import open_regular
 from acqd.telemetry.ranges import Ranges
@@ -150,12 +150,17 @@ class Segment:
         self._index(bytes(content))
 
     @property
-    def unlinked(self) -> bool:
-        """Whether somebody has deleted the file to which rows are appended; False where the disk does not say."""
+    def harm(self) -> Literal["", "deleted", "resized"]:
+        """What somebody has done to the file to which rows are appended; empty where the disk does not say."""
+        if self._file is None:
+            return ""
         try:
-            return self._file is not None and os.fstat(self._file).st_nlink == 0
+            now = os.fstat(self._file)
         except OSError:  # a share that is away: `append` meets that, too
-            return False
+            return ""
+        if now.st_nlink == 0:
+            return "deleted"
+        return "" if now.st_size == self.size else "resized"
 
     def rescue(self) -> None:
         """Take the content of a deleted file that is still open back into memory. Raises OSError."""
@@ -229,10 +234,16 @@ class Segment:
         return lost
 
     def recall(self) -> None:
-        """Every row of the segment waits again. Raises OSError."""
+        """Every row of the segment waits again, after a restart, too: its index says what waited. Raises OSError."""
         whole = Segment(self.number, None)
         whole._index(self.read(0, self.size))
         self.pending = whole.pending
+        if self._file is None and self.path is not None:
+            file = os.open(self.path, os.O_WRONLY | os.O_NOFOLLOW | os.O_CLOEXEC)
+            try:
+                os.ftruncate(file, self.size)
+            finally:
+                os.close(file)
 
     def _release(self) -> None:
         if self._file is not None:

@@ -41,7 +41,7 @@ def test_a_service_that_works_is_ready_without_a_word(snapshot):
         (sink(refused_trouble="the database refuses rows of c: no site"), True, "the database refuses rows of c"),
         (daemon(delivery=Delivery(spool_age_s=3e6, old_after_s=2.6e6)), True, "34.7 days"),
         (daemon(delivery=Delivery(dropped=7)), True, "7 messages were dropped"),
-        (daemon(delivery=Delivery(deleted=1)), True, "1 time somebody deleted files of the spool"),
+        (daemon(delivery=Delivery(deleted=1)), True, "1 time somebody deleted or changed files of the spool"),
         (daemon(delivery=Delivery(cuts=1, cuts_unconfirmed=1)), True, "no sink has said which rows it has"),
         (daemon(delivery=Delivery(dropped=8), acknowledged=Acknowledged(dropped=7)), True, "8 messages were dropped"),
         (sink(quarantined=3), True, "3 messages are in quarantine"),

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import tempfile
 from pathlib import Path
 from unittest import mock
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -63,6 +65,29 @@ def test_damage_in_the_middle_costs_only_the_rows_it_hits(at, garbage, closed):
         assert len(rows) >= len(sent) - len(garbage) // 50 - 2
         assert len(opened) == len(rows), "what cannot be read is given up, not kept for ever"
         opened.close()
+
+
+def _longer(path):
+    with path.open("ab") as file:
+        file.write(b"a line of somebody else\n")
+
+
+@pytest.mark.parametrize(
+    "deed", [lambda path: os.truncate(path, 0), lambda path: os.truncate(path, path.stat().st_size // 2), _longer]
+)
+def test_rows_that_follow_what_somebody_has_done_to_the_open_file_are_kept(tmp_path, deed):
+    """A rotation of logs that copies a file and cuts it off, `> FILE`: the rows after it are behind no known offset."""
+    spool = Spool(tmp_path)
+    for k in range(3):
+        spool.append(window(k))
+    (path,) = tmp_path.glob("*.seg")
+    deed(path)
+    for k in range(3, 9):
+        spool.append(window(k))
+    after = [row for k in range(3, 9) for row in window(k)]
+    assert everything(spool)[-len(after) :] == after and spool.deleted == 1
+    spool.close()
+    assert everything(Spool(tmp_path))[-len(after) :] == after
 
 
 def test_a_damaged_file_is_put_aside_and_not_deleted(tmp_path):

@@ -126,6 +126,19 @@ def test_delivered_rows_are_kept_for_a_while_and_wait_again_when_they_are_recall
     assert not list(tmp_path.glob("*.kept"))
 
 
+def test_recalled_rows_wait_after_a_restart_too_whatever_had_a_receipt_when_their_file_was_closed(tmp_path):
+    spool = Spool(tmp_path, Limits(max_bytes=400_000, keep_s=1000.0))
+    for k in range(500):
+        spool.append(window(k))
+        for stream in STREAMS:
+            spool.remove(stream, k, k)
+    sent = [row for k in range(500) for row in window(k)]
+    assert spool.recall("s", "1") == len(sent)
+    spool.close()
+    again = Spool(tmp_path, Limits(max_bytes=400_000, keep_s=1000.0))
+    assert not again.recall("s", "1") and everything(again) == sent
+
+
 def test_rows_are_recalled_once_for_each_event_of_a_sink_also_after_a_restart(tmp_path):
     def waiting_after(*events):
         spool = Spool(tmp_path, Limits(keep_s=1000.0))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import os
 import re
 import shutil
 import signal
@@ -233,6 +234,11 @@ def _deleted(bed: Bed, _fault: ExitStack) -> None:
     shutil.rmtree(next((bed.folder / "state").glob("spool-*")))
 
 
+def _cut_off(bed: Bed, _fault: ExitStack) -> None:
+    """A rotation of logs copies the spool's file and cuts it off."""
+    os.truncate(max((bed.folder / "state").glob("spool-*/*.seg")), 0)
+
+
 def _power_cut(bed: Bed, fault: ExitStack) -> None:
     """What a power cut leaves: a run without an end, and another id of the computer's start; no sink answers."""
     bed.sink.stop()
@@ -332,7 +338,8 @@ CASES = (
     Case("SQLite file replaced", _replaced, "sink", "was replaced|another database|earlier state"),
     Case("spool cannot be read", _unreadable, "daemon", "^spool: .*cannot be (read|opened)"),
     Case("a copy among the spool's files", _copied, "daemon", "^spool: .*copy.*is no file of this spool"),
-    Case("the spool's folder deleted", _deleted, "daemon", "somebody deleted files of the spool"),
+    Case("the spool's folder deleted", _deleted, "daemon", "somebody deleted or changed files of the spool"),
+    Case("a file of the spool cut off", _cut_off, "daemon", "somebody deleted or changed files of the spool"),
     Case("daemon's power cut, sink away", _power_cut, "daemon", "power cuts? before this start"),
     Case("spool's disk full, broker away", _spool_full, "daemon", "^spool: .*[Nn]o space", need="disks"),
     Case("spool's disk takes nothing", _errors("write", "stat"), "daemon", "^spool: .*[Ss]tale", need="refusals"),

@@ -125,16 +125,16 @@ class _Chain:
 
     def run(self, cuts: int, draw: random.Random) -> Cuts:
         """Cut so many times; then wait until all has arrived that will."""
-        found, moments = Cuts(self._kind), []
+        found, moments = Cuts(self._kind), list[tuple[float, float]]()
         for process in (self._broker, self._sink, self._daemon):
             process.start()
         try:
             for _ in range(cuts):
                 self._wait(self._stored_since(time.time()), "a row is stored")
                 time.sleep(draw.uniform(1.0, 4.0))
-                moments.append(time.time())
+                begun = time.time()
                 self._disk.cut()
-                self._restart()
+                moments.append((begun, self._restart()))
                 found.cuts += 1
             self._wait(self._stored_since(time.time()), "a row is stored")
             self._daemon.stop()
@@ -148,10 +148,12 @@ class _Chain:
             self._disk.unmount()
         return found
 
-    def _restart(self) -> None:
+    def _restart(self) -> float:
+        """When the processes were gone: on a busy computer, rows are made for a while after the cut of the disk."""
         cut = [self._daemon] if self._kind == "daemon" else [self._sink, *([self._server] if self._server else [])]
         for process in cut:
             process.lose_power()
+        gone = time.time()
         self._engine.dispose()
         self._disk.mount_again()
         if self._kind == "daemon":
@@ -160,6 +162,7 @@ class _Chain:
             self._register.write_bytes(orjson.dumps(register))
         for process in reversed(cut):
             process.start()
+        return gone
 
     def _wait(self, condition: Callable[[], object], what: str, seconds: float = _PATIENCE_S) -> None:
         deadline = time.monotonic() + seconds
@@ -193,11 +196,11 @@ class _Chain:
         known = {(row.channel, row.boot, row.seq) for row in self._stored()}
         return [row for key, row in self._taped().items() if key not in known]
 
-    def _count(self, found: Cuts, moments: list[float]) -> None:
+    def _count(self, found: Cuts, moments: list[tuple[float, float]]) -> None:
         stored, lost = self._stored(), self._lost()
         found.made, found.lost = len(self._taped()), len(lost)
         times = [unix_s(row["filetime"]) for row in lost]
-        found.lost_older = sum(not any(0 <= cut - at <= _AT_RISK_S + 0.1 for cut in moments) for at in times)
+        found.lost_older = sum(not any(cut - _AT_RISK_S - 0.1 <= at <= gone for cut, gone in moments) for at in times)
         found.unconfirmed = sum("W_unconfirmed" in row.flags for row in stored)
         for _, rows in groupby(stored, key=lambda row: row.channel):
             for before, row in pairwise(rows):
