@@ -8,12 +8,13 @@ from scipy.interpolate import CubicSpline
 
 from acqd.dataset.log_check import check_log
 from acqd.errors import InputError
+from acqd.robot.clock_fault import clock_fault
 from acqd.robot.description import load_description
 from acqd.robot.doubtful_rows import doubtful_rows
 from acqd.robot.joint_refresh import between_refreshes, frozen
 from acqd.robot.log_reader import log_of, read_log
 from acqd.robot.resolution import steps_of
-from acqd.robot.row_clock import clock_fault, even_times, late_stamps
+from acqd.robot.row_clock import even_times, late_stamps
 from acqd.robot.table import Table
 from tests.places import ROBOT_LOGS
 
