@@ -120,8 +120,10 @@ def _outages(time: Floats, q: Floats, values: Floats, moves: NDArray[np.bool_]) 
                 f"is {number:.4g} for all joints in {count} of {moving.sum()} rows in motion, and another beside them"
             )
     changes = np.concatenate([[True], (np.diff(values, axis=0) != 0).any(axis=1)])
-    since = np.maximum.accumulate(np.where(changes, np.arange(len(time)), 0))
-    old = moving & ~changes & (np.abs(slope - slope[since]) > _OTHER_MOTION * usual).any(axis=1)
+    rows = np.arange(len(time))
+    since = np.maximum.accumulate(np.where(changes, rows, 0))
+    then = slope[np.minimum(since + 2, rows)]  # the slope of a row reaches to its neighbours
+    old = moving & ~changes & (np.abs(slope - then) > _OTHER_MOTION * usual).any(axis=1)
     if old.sum() > fewest:
         longest = float((time - time[since])[old].max())
         return (

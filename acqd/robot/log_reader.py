@@ -47,8 +47,6 @@ def log_of(path: Path, table: Table, robot: RobotDescription) -> RobotLog:
     repeated = twice(table, found[1])
     if repeated is not None:
         raise InputError(path, f"has several columns {repeated!r}; expected one: rename or remove the others")
-    if len(table.values) < 2:
-        raise InputError(path, f"has {len(table.values)} row of numbers; expected a recording of seconds")
     log = _in_radians(_assemble(path, table, *found), found[0], robot)
     log, stamps = rebuilt(log, robot)
     point = table.values[:, found[1]["tool_point"]] if "tool_point" in found[1] else None
@@ -56,6 +54,8 @@ def log_of(path: Path, table: Table, robot: RobotDescription) -> RobotLog:
     faults = garbled_rows(log.time, log.q, robot) | table.broken
     known = np.isfinite(log.q).all(axis=1) | ~np.isfinite(log.time)  # angles of other rows were not measured
     garbled = sum(bool(known[row]) for row in faults)
+    if not faults and len(log.time) < 2:
+        raise InputError(path, "has one row of numbers; expected a recording of seconds")
     if garbled > FEW * len(log.time) or len(faults) > len(log.time) - 2:
         raise InputError(path, refusal(table, log.q, faults, robot))
     kept = np.ones(len(log.time), bool)

@@ -113,6 +113,15 @@ def test_poses_that_a_faster_recorder_holds_get_the_rate_of_the_controller(real)
     assert np.std(off[fast]) < 0.005
 
 
+@pytest.mark.parametrize("pose_s", [0.008, 0.012])
+def test_a_controller_of_another_rate_than_the_recorder_is_known_by_the_beat(real, pose_s):
+    t, q = real
+    rows = np.arange(0, t[-1], 0.01)
+    log = log_with(rows, CubicSpline(t, q)(np.floor(rows / pose_s) * pose_s))
+    assert pose_error(log.time, log.q, t, q) < 0.002
+    assert log.quality.age_error_s < 0.006 and log.quality.fault is None and log.quality.smoothing is None
+
+
 def set_once(t, q):
     return t + 0.25 * (t > 10), q
 
