@@ -45,7 +45,7 @@ class Finding:
     at_joints: float = 0.0
     """Part of the evidence that logged torques contribute; negative where they contradict the power."""
     forbidden: float = 0.0
-    """Evidence that sizes at or beyond their physical bounds add to those within."""
+    """Evidence that sizes beyond their physical bounds add to those within."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,7 +148,7 @@ def _judged(
             candidate = one.candidate
             paid = 2 * np.log(candidate.tried) + candidate.cost * searched + rate * candidate.usual
             joints = 0.0 if one.at_joints is None else one.at_joints.gain(theta)
-            forbidden = beyond_bounds(one.S + np.diag(one.D**-2.0), one.h, theta, one.low, one.high)
+            forbidden = beyond_bounds(one.S + np.diag(one.D**-2.0), one.h, theta)
             yield Finding(candidate, theta, deviation, float(evidence - paid), joints, forbidden)
 
 
@@ -183,17 +183,12 @@ def posterior(S: Floats, h: Floats, D: Floats, low: Floats, high: Floats) -> tup
     return theta, deviation, np.asarray(evidence)
 
 
-def beyond_bounds(precision: Floats, h: Floats, theta: Floats, low: Floats, high: Floats) -> float:
-    """Evidence of coefficients without bounds above that of those that lie within: what rests on impossible sizes.
+def beyond_bounds(precision: Floats, h: Floats, theta: Floats) -> float:
+    """Evidence that coefficients without bounds have above theta [k], the likeliest within: it rests on impossible sizes.
 
-    `theta` [k] within the bounds. Parameters at a bound are left out, not clipped: a size that is all that physics
-    permits is a sign of another cause.
+    The least is zero, where no bound holds a coefficient.
     """
-    inside = (theta > low) & (theta < high)
-    if inside.all():
-        return 0.0
-    of_all = float(h @ np.linalg.solve(precision, h))
-    return of_all - float(h[inside] @ np.linalg.solve(precision[np.ix_(inside, inside)], h[inside]))
+    return float(h @ np.linalg.solve(precision, h) - 2 * h @ theta + theta @ precision @ theta)
 
 
 def _log_inside(mean: Floats, deviation: Floats, low: Floats, high: Floats) -> Floats:

@@ -1,4 +1,4 @@
-"""Effects that are detected in the residual: ripple, switching loads, contact."""
+"""What is detected in the residual: ripple, switching loads, contact, and a load that swings like a sine."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from acqd.discrepancy.regression.design_matrix import Design
 from acqd.discrepancy.regression.gram import Indices
 from acqd.discrepancy.regression.least_squares import Column, Regression
 from acqd.discrepancy.regression.scenes import Scenes
-from acqd.discrepancy.selection.detectors import ripple
+from acqd.discrepancy.selection.detectors import ripple, wave
 from acqd.discrepancy.selection.detectors.rhythm import rhythm
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.models.effects import library
@@ -92,7 +92,8 @@ def detect(design: Design, regression: Regression, gate: Floats, known: set[str]
         states = search.states(residuals)
         detection = None if states is None else _described(search, states, wanted, residuals)
         detections += [detection] if detection is not None else []
-    return detections
+    swinging = _swinging(design, residuals, segments)
+    return detections if swinging is None else [*detections, swinging]
 
 
 def _forces(effect: Effect, scenes: Scenes) -> list[Floats]:
@@ -179,8 +180,30 @@ def _described(
     )  # fmt: skip
     if regular is not None and regular.likely and regular.period_s < THRESHOLDS.rhythm_shortest_s:
         # no heater or fan switches so often
-        return found(None, label=f"a pulsation with a period of about {shape['period_s']:.0f} s")
+        return found(None, label=_pulsation(shape["period_s"]))
     return found(wanted[kind], twin=twin) if kind in wanted else None
+
+
+def _swinging(design: Design, residuals: list[Floats], segments: list[int]) -> Detection | None:
+    """A sine in the segments in question; its phase, as every moment that is searched for, may be any row."""
+    found = wave.search([residuals[k] for k in segments], design.whitener)
+    if found is None:
+        return None
+    columns = [np.zeros((len(residual), 1)) for residual in residuals]
+    for k, column in zip(segments, found.columns([len(residuals[k]) for k in segments]), strict=True):
+        columns[k] = column
+    others = [each for k, each in enumerate(residuals) if k not in segments]
+    before = wave.search(others, design.whitener)
+    rows = [sum(map(len, which)) for which in ([residuals[k] for k in segments], others)]
+    return Detection(
+        None, {}, columns, cost=float(len(segments)), tried=found.tried,
+        usual=0.0 if before is None else 2 * before.gain * rows[0] / rows[1],
+        label=_pulsation(found.rows * design.columns.scenes[0].step_s),
+    )  # fmt: skip
+
+
+def _pulsation(period_s: float) -> str:
+    return f"a pulsation with a period of about {period_s:.3g} s"
 
 
 def residuals_of(design: Design, regression: Regression, omit: str = "") -> list[Floats]:
