@@ -23,7 +23,7 @@ _CALM = 0.1
 """Scatter of the ways up to which a way of two rows is known."""
 _SET_ROWS, _SET_S = 5.0, 0.04
 """Usual steps, and s, by which the stamps go on while the arm covers the way of one row."""
-_TO_AND_FRO, _TO_AND_FRO_SHARE = 3.0, 0.5
+_TO_AND_FRO, _TO_AND_FRO_SHARE = 2.5, 0.5
 """Way of two rows over their distance, and the share of the rows in motion, from which on the arm goes to and fro. The
 noise of encoders goes twice as far."""
 
