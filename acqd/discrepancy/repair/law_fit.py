@@ -90,7 +90,7 @@ def fit_law(selection: Selection, unknown: Unknown, kept: set[tuple[str, str]]) 
     unit = _unit(design, part)
     place = Place("", part.columns, tuple(Parameter(f"c{k + 1}", unit) for k in range(len(part.columns))))
     columns = columns_of(design, part.law, place, gate.open)
-    design, indices = design.with_columns(columns(shape))
+    design, indices = design.with_columns(columns.kept(shape))
     own = replace(candidate, indices=indices)
     rows, found = at_secant_slope(rows.on(design), gate.open, own, columns, shape)
     design = rows.design

@@ -184,9 +184,9 @@ def posterior(S: Floats, h: Floats, D: Floats, low: Floats, high: Floats) -> tup
 
 
 def beyond_bounds(precision: Floats, h: Floats, theta: Floats) -> float:
-    """Evidence that coefficients without bounds have above theta [k], the likeliest within: it rests on impossible sizes.
+    """Evidence that rests on impossible sizes: of coefficients without bounds, above theta [k], the likeliest within.
 
-    The least is zero, where no bound holds a coefficient.
+    Zero where no bound holds a coefficient.
     """
     return float(h @ np.linalg.solve(precision, h) - 2 * h @ theta + theta @ precision @ theta)
 

@@ -77,7 +77,7 @@ def fit_shape(rows: Rows, gate: Floats, finding: Finding, detection: Detection |
         return ShapeFit(rows, finding, shape)
     effect, place = library()[candidate.id], candidate.variant.place
     columns = columns_of(rows.design, effect, place, gate)
-    design, indices = rows.design.with_columns(columns(shape))
+    design, indices = rows.design.with_columns(columns.kept(shape))
     own_place = Place(place.where, tuple(range(len(indices))), place.parameters)
     own = replace(
         candidate, indices=indices, variant=Variant(own_place, own_place.columns, shape), detected=False,
@@ -85,7 +85,7 @@ def fit_shape(rows: Rows, gate: Floats, finding: Finding, detection: Detection |
     )  # fmt: skip
     rows = rows.on(design)
     if shape and effect.bounds:
-        rows, shape = _searched(rows, gate, own, columns)
+        rows, shape = _searched(rows, gate, own, columns.kept)
         own = replace(own, fitted=Variant(place, place.columns, shape))
     rows, found = at_secant_slope(rows, gate, own, columns, shape)
     return ShapeFit(rows, replace(found or finding, candidate=own), shape)
@@ -96,24 +96,23 @@ def at_secant_slope(
 ) -> tuple[Rows, Finding | None]:
     """A candidate whose columns are those of a torque of the fitted size, and rows with them.
 
-    None where the candidate does not act. Of long recordings, the size is found in the segments whose scenes are kept.
+    None where the candidate does not act. `rows` has columns of a small size in the segments whose scenes are kept: of
+    long recordings, the size is found there, and the columns of all segments are computed once.
     """
-    found = ranked(rows, gate, [own])
-    if columns.effect.acts_on != "torque" or not found:
-        return rows, found[0] if found else None
-    some = columns.kept
+    some, torque = columns.kept, columns.effect.acts_on == "torque"
+    among = some.gate(gate)
+    found = next(iter(ranked(rows, among, [own])), None)
+    for _ in range(_SECANT_ITERATIONS if torque and found is not None else 0):
+        assert found is not None
+        rows = rows.on(rows.design.with_replaced(own.indices, some(shape, found.coefficients)))
+        found = next(iter(ranked(rows, among, [own])), None)
+        if found is None:
+            break
     if some.open != columns.open:
-        _, at_size = at_secant_slope(rows, some.gate(gate), own, some, shape)
-        size, rounds = (found[0] if at_size is None else at_size).coefficients, 1
-    else:
-        size, rounds = found[0].coefficients, _SECANT_ITERATIONS
-    for _ in range(rounds):
+        size = found.coefficients if torque and found is not None else None
         rows = rows.on(rows.design.with_replaced(own.indices, columns(shape, size)))
-        found = ranked(rows, gate, [own])
-        if not found:
-            return rows, None
-        size = found[0].coefficients
-    return rows, found[0]
+        found = next(iter(ranked(rows, gate, [own])), None)
+    return rows, found
 
 
 def columns_of(design: Design, effect: Effect, place: Place, gate: Floats) -> _Columns:
@@ -127,19 +126,17 @@ def _searched(rows: Rows, gate: Floats, own: Candidate, columns: _Columns) -> tu
     """The shape that explains most, by Brent's bounded search, and rows with its columns.
 
     All shapes compete at the secant slope of the scanned one: columns of a small effect would draw a large friction
-    wrong, and the shape would make up for that. Of long recordings, the search takes the segments whose scenes are
-    kept.
+    wrong, and the shape would make up for that.
     """
     assert own.variant is not None
     name, value = next(iter(own.variant.shape.items()))
     low, high = _between(columns.effect.shapes, name, value, columns.effect.bounds[name])
-    some = columns.kept
-    among = some.gate(gate)
-    _, scanned = at_secant_slope(rows, among, own, some, own.variant.shape)
+    among = columns.gate(gate)
+    _, scanned = at_secant_slope(rows, gate, own, columns, own.variant.shape)
     size = None if scanned is None else scanned.coefficients
 
     def negative_evidence(trial: float) -> float:
-        changed = rows.on(rows.design.with_replaced(own.indices, some({name: trial}, size)))
+        changed = rows.on(rows.design.with_replaced(own.indices, columns({name: trial}, size)))
         at_trial = replace(own, fitted=Variant(columns.place, columns.place.columns, {name: trial}))
         found = ranked(changed, among, [at_trial])
         return -found[0].evidence if found else 0.0

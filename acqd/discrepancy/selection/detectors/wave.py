@@ -47,9 +47,9 @@ class Wave:
 def search(residuals: list[Floats], whitener: Whitener) -> Wave | None:
     """The sine that explains most of residuals [T] W per segment; None in segments too short for the slowest.
 
-    White rows of a sine are a sine, whatever the whitener's gain is there: the periodogram of white rows is the squared
-    error that the best sine of every frequency takes away (Schuster 1898). A fraction of a period is a curve like any
-    other, and the slowest sine has as many periods as that of a ripple.
+    White rows of a sine are a sine, whatever the whitener's gain is there: the periodogram of white rows is the
+    log-likelihood ratio of the best sine of every frequency (Schuster 1898). A fraction of a period is a curve like any
+    other: the slowest sine has as many periods as the slowest ripple.
     """
     white = [whitener.apply(each) for each in residuals]
     longest = max((len(each) for each in white), default=0)
@@ -59,7 +59,9 @@ def search(residuals: list[Floats], whitener: Whitener) -> Wave | None:
     if slowest >= bins // 2:
         return None
     spectra = [np.fft.rfft(each, bins) for each in white]
-    power = sum(np.abs(each) ** 2 / max(len(one), 1) for each, one in zip(spectra, white, strict=True))
+    power = np.zeros(bins // 2 + 1)
+    for spectrum, rows in zip(spectra, white, strict=True):
+        power += np.abs(spectrum) ** 2 / max(len(rows), 1)
     at = slowest + int(np.argmax(power[slowest:-1]))
     turn = 2 * np.pi * at / bins
     order = len(whitener.taps) - 1
