@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from acqd.arrays import Floats
 from acqd.numerics import mad_sigma
-from acqd.robot.ways import AROUND, FAST, FEWEST, Ways, at_another_rate, ways_of
+from acqd.robot.ways import AROUND, FAST, FEWEST, Ways, ways_of
 
 _TWICE = (0.6, 0.25)
 """Ways beyond the usual one of a step across a missing row, and of its neighbours."""
@@ -115,7 +115,7 @@ def _missing(beyond: Floats, ways: Ways) -> int:
     judged = judged & ~np.lib.stride_tricks.sliding_window_view(uneven, 2 * AROUND + 1).any(axis=1)
     alone = np.pad(np.abs(np.where(judged, beyond, 0.0)) < _TWICE[1], 1, constant_values=True)
     twice = judged & (np.abs(beyond - 1) < 1 - _TWICE[0]) & alone[:-2] & alone[2:] & (ways.three > 3)
-    return 0 if at_another_rate(twice) else int(twice.sum())
+    return int(twice.sum())
 
 
 def _set_clock(beyond: Floats, ways: Ways) -> int | None:

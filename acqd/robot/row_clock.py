@@ -95,7 +95,8 @@ def late_stamps(time: Floats, q: Floats, speed: Floats, q_step: Floats) -> LateS
         pauses[start:end] |= abs(span - row_s * (end - start)) > _REST_OFF_S
     even = even_times(stamps, rows=rows, pauses=pauses)
     moved = np.linalg.norm(np.diff(q[new] / speed, axis=0), axis=1)
-    beat = at_another_rate(judged & (rows == 2))
+    # a pose that a slower recorder reads is younger than the next one; a servo with a pace of its own has other delays
+    beat = at_another_rate(judged & (rows == 2)) and even.most_s < even.row_s
     if not (beat or _are_uneven(ways, judged)) or not _clearly_smoother(even.time, stamps, moved, judged):
         few = _few_late(stamps, even, ways, moved, judged)
         if few is None:
