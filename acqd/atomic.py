@@ -12,6 +12,20 @@ from pathlib import Path
 from acqd.errors import OperationError, UserError
 
 
+def require_writable(path: Path) -> None:
+    """Raises UserError where this user cannot make or replace a file or folder: before the work that fills it."""
+    parent = next(folder for folder in path.absolute().parents if folder.exists())
+    if not parent.is_dir() or not os.access(parent, os.W_OK | os.X_OK):
+        raise UserError(f"{path}: {parent} is not a folder that this user may write to; choose another --out")
+
+
+def require_free(folder: Path, mark: str, what: str) -> None:
+    """Raises UserError unless a folder is absent, empty, or an earlier `what`, which holds a file `mark`."""
+    require_writable(folder)
+    if folder.exists() and not (folder / mark).exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise UserError(f"{folder} exists and is not an earlier {what}: it would be lost; choose another --out")
+
+
 @contextmanager
 def complete_folder(path: Path) -> Iterator[Path]:
     """A temporary folder to write into; at the end it is renamed to `path` and replaces a folder of that name.

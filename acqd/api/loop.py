@@ -78,9 +78,10 @@ def close_loop(
     require("close_loop", LOOP, "loop")
     import orjson
 
+    from acqd.atomic import require_free
     from acqd.discrepancy.config import CloseConfig
     from acqd.discrepancy.loop import close_loop as close
-    from acqd.discrepancy.report.write import require_writable, write_all
+    from acqd.discrepancy.report.write import write_all
 
     folder = _folder(dataset)
     config = CloseConfig(
@@ -95,7 +96,7 @@ def close_loop(
         robot=robot,
         since_s=None if since is None else since.timestamp(),
     )
-    require_writable(config.out)
+    require_free(config.out, "report.json", "report")
     write_all(config, close(config, lambda *_: None))
     return LoopResult(config.out, orjson.loads((config.out / "report.json").read_bytes()))
 

@@ -10,7 +10,15 @@ from acqd.balance.rows import Rows
 from acqd.models.effects.cause import Cause
 from acqd.models.yearly import Yearly
 from acqd.report import KeyFigure, Page, Verdict
-from acqd.report.digits import FEWEST_FOR_INTERVAL, duration, interval, number, percent, quantity
+from acqd.report.digits import (
+    FEWEST_FOR_INTERVAL,
+    duration,
+    interval,
+    number,
+    percent,
+    quantity,
+    quantity_with_interval,
+)
 
 _MOST_SPANS = 100
 _CONSTANT = 1e-6
@@ -79,11 +87,10 @@ def balance_page(title: str, balance: Balance, rows: Rows, years: dict[Cause, Ye
 
 
 def residual_text(span: Span) -> str:
-    """The residual with its interval, in Wh."""
+    """The residual with its interval."""
     if span.residual_half is None:
         return f"{_shown(span.residual)} (no interval)"
-    low, high = 1000 * (span.residual - span.residual_half), 1000 * (span.residual + span.residual_half)
-    return f"{_shown(span.residual)} ({interval(low, high)} Wh)"
+    return quantity_with_interval(1000 * span.residual, 1000 * span.residual_half, "Wh")
 
 
 def year_texts(one: Yearly | None) -> tuple[str, str, str]:

@@ -108,7 +108,7 @@ def list_command(config: ConfigFile = None, host: Host = None, port: Port = None
 
 @app.command("history")
 def history_command(
-    most: Annotated[int, typer.Option("--most", min=1, help="So many alarms, the newest first.")] = 50,
+    most: Annotated[int, typer.Option("--limit", "--most", min=1, help="So many alarms, the newest first.")] = 50,
     config: ConfigFile = None,
     json: Json = False,
 ) -> None:

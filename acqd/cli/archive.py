@@ -17,6 +17,7 @@ from acqd.cli.terminal import terminal
 from acqd.daemon.archive.replay import chosen
 from acqd.daemon.config_file import load_config
 from acqd.errors import OperationError, UserError
+from acqd.report.digits import quantity
 from acqd.timestamps import rfc3339
 
 app = typer.Typer(no_args_is_help=True, help="Samples that a daemon has kept: list, check, export.")
@@ -84,7 +85,7 @@ def list_(
     size = sum(segment.size for segment in there.segments)
     seconds = sum(segment.seconds for segment in there.segments)
     console.print(
-        f"{len(there.segments)} segments, {seconds:.1f} s of samples, {size / 1e6:.2f} MB"
+        f"{len(there.segments)} segments, {seconds:.1f} s of samples, {quantity(size, 'B', 3)}"
         + (f", {size / seconds * 86_400 / 1e9:.2f} GB a day" if seconds else "")
     )
 

@@ -9,14 +9,14 @@ from typing import Annotated
 import orjson
 import typer
 
-from acqd.cli.options import Json
+from acqd.cli.options import Json, bare
 from acqd.daemon.notify import notify
 
 _ALIVE_S = 5.0
 
 
 def broker(
-    host: Annotated[str, typer.Option(help="Address to listen on.")] = "127.0.0.1",
+    host: Annotated[str, typer.Option(callback=bare, help="Address to listen on.")] = "127.0.0.1",
     port: Annotated[int, typer.Option(min=1, max=65535)] = 1883,
     duration: Annotated[float | None, typer.Option(min=0.1, help="Stop after so many seconds.")] = None,
     json: Json = False,

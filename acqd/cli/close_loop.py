@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import orjson
 import typer
 
+from acqd.atomic import require_free
 from acqd.cli.folded_table import Table
 from acqd.cli.options import Json
 from acqd.cli.progress import progress
@@ -83,7 +84,7 @@ def close_loop(
     from acqd.discrepancy.report.belief import changed_belief
     from acqd.discrepancy.report.summary import as_json
     from acqd.discrepancy.report.way import way_of
-    from acqd.discrepancy.report.write import require_writable, write_all
+    from acqd.discrepancy.report.write import write_all
     from acqd.energy.tariff import load_tariff
     from acqd.models.yearly import Duty
 
@@ -100,7 +101,7 @@ def close_loop(
 
         watch_loop(config, every or 5.0, 3600 * (false_alarm or 200.0), json=json)
         return
-    require_writable(folder)
+    require_free(folder, "report.json", "report")
     console = terminal(stderr=True)
     with progress(console) as show_step:
         closed = run(config, show_step)
@@ -172,7 +173,7 @@ def _corrected_by(correction: dict[str, Any]) -> str:
 
 
 def _a_year(effect: dict[str, Any]) -> str:
+    from acqd.report.digits import percent, year_text
+
     year = effect["a_year"]
-    interval = f" ({year['kWh_ci95'][0]:.3g} to {year['kWh_ci95'][1]:.3g})" if year["kWh_ci95"] else ""
-    cost = "" if year["EUR"] is None else f", {year['EUR']:.2f} EUR"
-    return f"{effect['id']}: {year['kWh']:.3g} kWh{interval}{cost} a year, moving {year['duty']:.0%} of the time"
+    return f"{effect['id']}: {year_text(year)} a year, moving {percent(year['duty'])} of the time"

@@ -10,6 +10,7 @@ import orjson
 import typer
 from rich.text import Text
 
+from acqd.atomic import require_writable
 from acqd.cli.folded_table import Table
 from acqd.cli.options import ConfigFile, Json, configured
 from acqd.cli.terminal import terminal
@@ -48,6 +49,7 @@ def en50160(
     if out is not None:
         if out.suffix not in (".html", ".htm"):
             raise UserError(f"{out}: a report ends in .html; choose another --out")
+        require_writable(out)
         require("acqd en50160 --out", ("jinja2",), "lab")
     from acqd.en50160.read import read_period
     from acqd.en50160.statistics import as_json, event_classes, statistics_of

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import orjson
 import typer
 
+from acqd.atomic import require_writable
 from acqd.cli.folded_table import Table
 from acqd.cli.options import Json, mean_price
 from acqd.cli.progress import progress
@@ -53,6 +54,7 @@ def fleet(
 
     described = read_fleet(file)
     folder = out or default_folder(file.with_suffix(""), "fleet")
+    require_writable(folder)
     price = mean_price(tariff)
     config = FleetConfig(described, folder, jobs or os.cpu_count() or 1, engine.value, ray_address, price)
     with progress(terminal(stderr=True)) as show:

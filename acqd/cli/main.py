@@ -110,7 +110,7 @@ def for_people(work: Callable[[], object]) -> None:
 
 def _named(error: OSError) -> str:
     """The file, what the system says, and what helps; where no file is known, acqd's innermost step."""
-    what = _WORDS.get(error.errno or 0) or error.strerror or str(error) or type(error).__name__
+    what = _WORDS.get(error.errno or 0) or error.strerror or " ".join(str(error).split()) or type(error).__name__
     remedy = _REMEDIES.get(error.errno or 0, "")
     if error.filename is not None:
         return f"{error.filename}: {what}{remedy}"

@@ -12,7 +12,7 @@ from rich.markup import escape
 from rich.progress import Progress
 
 from acqd.cli.folded_table import Table
-from acqd.cli.options import Json
+from acqd.cli.options import Json, bare
 from acqd.errors import UserError
 from acqd.numerals import whole_number
 from acqd.sources.spec import device_module
@@ -27,7 +27,9 @@ def modbus() -> None:
 
 @app.command()
 def probe(
-    host: Annotated[str | None, typer.Option(help="Modbus TCP: address of the meter or gateway.")] = None,
+    host: Annotated[
+        str | None, typer.Option(callback=bare, help="Modbus TCP: address of the meter or gateway.")
+    ] = None,
     port: Annotated[int, typer.Option(min=1, max=65535)] = 502,
     rtu: Annotated[bool, typer.Option("--rtu", help="With --host: a gateway that passes RTU frames on.")] = False,
     ascii_: Annotated[bool, typer.Option("--ascii", help="Modbus ASCII, of the serial line or of a gateway.")] = False,

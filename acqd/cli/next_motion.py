@@ -8,6 +8,7 @@ from typing import Annotated
 import orjson
 import typer
 
+from acqd.atomic import require_free
 from acqd.cli.folded_table import Table
 from acqd.cli.options import Corners, Json, box_of
 from acqd.cli.progress import progress
@@ -45,11 +46,11 @@ def next_motion(
     from acqd.dataset.places import default_folder
     from acqd.experiment.design import Asked, as_json, next_motion
     from acqd.experiment.page import headline, steps, table
-    from acqd.experiment.written import require_writable, write_all
+    from acqd.experiment.written import write_all
 
     box = box_of(workspace)
     folder = out or default_folder(report, "next")
-    require_writable(folder)
+    require_free(folder, "next.json", "design")
     console = terminal(stderr=True)
     with progress(console) as show_step:
         designed = next_motion(

@@ -21,7 +21,21 @@ Json = Annotated[bool, typer.Option("--json", help="Machine-readable output on s
 ConfigFile = Annotated[
     Path | None, typer.Option("--config", "-c", help="Default: ./acqd.toml, else /etc/acqd/acqd.toml.")
 ]
-Host = Annotated[str | None, typer.Option(help="Broker host (default 127.0.0.1, or the config's).")]
+
+
+def bare(host: str | None) -> str | None:
+    """Callback of options that name a computer: without scheme and port."""
+    if host is None:
+        return None
+    from acqd.telemetry.ports import bare_host
+
+    try:
+        return bare_host(host)
+    except ValueError as error:
+        raise typer.BadParameter(str(error)) from None
+
+
+Host = Annotated[str | None, typer.Option(callback=bare, help="Broker host (default 127.0.0.1, or the config's).")]
 Port = Annotated[int | None, typer.Option(min=1, max=65535, help="Broker port (default 1883, or the config's).")]
 
 

@@ -9,7 +9,7 @@ from typing import Annotated
 import orjson
 import typer
 
-from acqd.atomic import write_complete
+from acqd.atomic import require_writable, write_complete
 from acqd.cli.folded_table import Table
 from acqd.cli.options import Json
 from acqd.cli.terminal import terminal
@@ -35,6 +35,7 @@ def reports(
     page = out or folder / INDEX
     if page.suffix not in (".html", ".htm"):
         raise UserError(f"--out {page}: a page ends in .html")
+    require_writable(page)
     found = pages_beneath(folder)
     if page.exists():
         try:

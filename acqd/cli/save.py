@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import orjson
 import typer
 
+from acqd.atomic import require_free
 from acqd.cli.folded_table import Table
 from acqd.cli.options import Corners, Json, box_of
 from acqd.cli.progress import progress
@@ -61,13 +62,13 @@ def save(
     from acqd.saving.proposals import savings
     from acqd.saving.source import Asked, opened
     from acqd.saving.tables import as_json
-    from acqd.saving.written import require_writable, write_all
+    from acqd.saving.written import write_all
 
     share, seconds = _longer(longer)
     box, speed = box_of(workspace), limit_speed / 100
     asked = Asked(share, seconds, scene, box, speed, brakes_after, least_rest, keep_waits, payload, free_order, robot)
     folder = out or default_folder(work, "save")
-    require_writable(folder)
+    require_free(folder, "save.json", "proposal")
     with progress(terminal(stderr=True)) as show_step:
         show_step("opening", 0.0)
         found = savings(opened(model, work, asked), asked, show_step)

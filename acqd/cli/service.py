@@ -26,7 +26,9 @@ if TYPE_CHECKING:
     from acqd.installation.state import State
 
 app = typer.Typer(help="The services of systemd.", no_args_is_help=True)
-_RootOption = Annotated[Path, typer.Option("--root", help="Folder with the files of another system.")]
+_RootOption = Annotated[
+    Path, typer.Option("--root", exists=True, file_okay=False, help="Folder with the files of another system.")
+]
 _ProgramOption = Annotated[str | None, typer.Option(help="Path of the command acqd (default: this one).")]
 _BackupFile = Annotated[Path, typer.Argument(metavar="FILE", help="Written by acqd service backup.")]
 
@@ -135,7 +137,9 @@ def backup(
         told = {"file": str(path), "bytes": size, "files": len(manifest.entries), "left_out": manifest.left_out}
         print(orjson.dumps(told | {"databases": manifest.databases}).decode())
         return
-    print(f"{path}: {len(manifest.entries)} files and folders, {size / 1e6:.1f} MB")
+    from acqd.report.digits import quantity
+
+    print(f"{path}: {len(manifest.entries)} files and folders, {quantity(size, 'B', 3)}")
     print(f"acqd service restore {path} --check reads it and compares")
     print("".join(f"not in it: {one}\n" for one in manifest.left_out), end="")
 

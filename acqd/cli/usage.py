@@ -11,9 +11,12 @@ from typer.core import TyperGroup
 from acqd.errors import in_our_words
 
 _WORDS = (
-    (r"^Invalid value for '([^']*)': ", r"\1: "),
+    (r"^Invalid value for '([^']*)'(?: / '[^']*')*: ", r"\1: "),
+    (r": dir(?:ectory)? '(.*)' does not exist$", r": \1: no such folder"),
+    (r": path '(.*)' is not readable$", r": \1: may not be read by this user: check its permissions"),
     (r": Value error, ", ": "),
     (r" is not one of ", ": expected "),
+    (r" does not match the formats? .*$", ": expected a time like 2026-11-16T06:00:00 (UTC)"),
     (r"^No such option: (-[\d.]+)$", r"\1: expected a number that is not negative"),
     (r"^No such", "no such"),
     (r"^Missing", "missing"),

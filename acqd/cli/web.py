@@ -10,7 +10,7 @@ from typing import Annotated
 import orjson
 import typer
 
-from acqd.cli.options import ConfigFile, Json, configured
+from acqd.cli.options import ConfigFile, Host, Json, Port, bare, configured
 from acqd.daemon.config import Config
 from acqd.daemon.web_section import WebSection
 from acqd.extras import require
@@ -23,13 +23,14 @@ _log = logging.getLogger(__name__)
 def web(
     config: ConfigFile = None,
     listen: Annotated[
-        str | None, typer.Option(help="Address to serve on (default 127.0.0.1); any but loopback needs the token.")
+        str | None,
+        typer.Option(callback=bare, help="Address to serve on (default 127.0.0.1); any but loopback needs the token."),
     ] = None,
     web_port: Annotated[
         int | None, typer.Option("--web-port", min=1, max=65535, help="Port to serve on (default 8731).")
     ] = None,
-    host: Annotated[str | None, typer.Option(help="Broker host (default 127.0.0.1, or the config's).")] = None,
-    port: Annotated[int | None, typer.Option(min=1, max=65535, help="Broker port (default 1883).")] = None,
+    host: Host = None,
+    port: Port = None,
     database: Annotated[str | None, typer.Option(help="SQL database of the past (default: the config's).")] = None,
     token: Annotated[str | None, typer.Option(help="Token to ask for (default off loopback: a new one).")] = None,
     embedded: Annotated[bool, typer.Option("--embedded", hidden=True)] = False,

@@ -40,9 +40,7 @@ def sheet_page(sheet: Sheet) -> Page:
     for standard in dict.fromkeys(point.standard for point in sheet.points):
         page.heading(standard)
         points = [point for point in sheet.points if point.standard == standard]
-        page.bars(
-            _bars(points), "Largest error as a share of the limit; a longer bar than that of the limit is beyond."
-        )
+        page.bars(_bars(points), "A longer bar than that of the limit is beyond.")
         page.table(
             ["parameter", "test signal", "quantity", "largest error", "limit", "unit", "readings", "result"],
             [
@@ -108,7 +106,7 @@ def _bars(points: list[Point]) -> Bars:
         Bar(name, min(one.used, _MOST), _percent(one), "after" if one.passed else "before", one.signal)
         for name, one in worst.items()
     ]
-    return Bars([Bar("limit", 1.0, "100 %", "muted"), *rows], "share of the limit")
+    return Bars([Bar("limit", 1.0, "100 %", "muted"), *rows], "Largest error as a share of the limit")
 
 
 def _budgets(page: Page, budgets: Iterable[Budget]) -> None:

@@ -19,7 +19,7 @@ from acqd.daemon.modbus_sections import MetersSection
 from acqd.daemon.mqtt_section import MqttSection
 from acqd.daemon.quality_section import QualitySection
 from acqd.daemon.registers_section import RegistersSection
-from acqd.daemon.section import Positive
+from acqd.daemon.section import Host, Positive
 from acqd.daemon.source_sections import SimulatedSection, SourceSection
 from acqd.daemon.spool_section import SpoolSection
 from acqd.daemon.web_section import WebSection
@@ -62,7 +62,7 @@ class BrokerSection(Section):
     """The embedded broker."""
 
     embedded: bool = False
-    host: str = "127.0.0.1"
+    host: Host = "127.0.0.1"
 
 
 class SinkSection(Section):

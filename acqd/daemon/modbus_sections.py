@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from acqd.daemon.device_section import NOT_OF_THE_SOURCE, DeviceSection
-from acqd.daemon.section import Port, Positive
+from acqd.daemon.section import Host, Port, Positive
 from acqd.section import Section
 from acqd.sources.spec import Spec, spec_of
 
@@ -15,7 +15,7 @@ from acqd.sources.spec import Spec, spec_of
 class _LinkKeys(Section):
     """Where a Modbus device is: `host` (TCP) or `serial_port` (RTU, ASCII)."""
 
-    host: Annotated[str, Field(min_length=1)] | None = None
+    host: Host | None = None
     port: Port = 502
     serial_port: Annotated[str, Field(min_length=1)] | None = None
     baudrate: Annotated[int, Field(ge=300, le=4_000_000)] = 9600

@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from acqd.daemon.section import Port
+from acqd.daemon.section import Host, Port
 from acqd.errors import UserError
 from acqd.section import FileName, Section
 from acqd.telemetry.mqtt import BrokerAddress
@@ -45,7 +45,7 @@ class MqttSection(Section):
     """The broker, for the daemon, the sink and the viewers."""
 
     enabled: bool = True
-    host: Annotated[str, Field(min_length=1)] = "127.0.0.1"
+    host: Host = "127.0.0.1"
     port: Port = 1883
     username: str | None = None
     password: str | None = Field(default=None, repr=False)

@@ -7,6 +7,7 @@ from typing import Annotated
 from pydantic import AfterValidator, Field
 
 from acqd.metering.block import NOMINAL, NOMINAL_TEXT
+from acqd.telemetry.ports import bare_host
 
 
 def _metered(f: float) -> float:
@@ -15,6 +16,8 @@ def _metered(f: float) -> float:
     return f
 
 
+Host = Annotated[str, Field(min_length=1), AfterValidator(bare_host)]
+"""Name or address of a computer."""
 Port = Annotated[int, Field(ge=1, le=65_535)]
 Positive = Annotated[float, Field(gt=0)]
 Share = Annotated[float, Field(ge=0, le=1)]

@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 
 from acqd.daemon.device_section import NOT_OF_THE_SOURCE, DeviceSection, WaveformKeys
 from acqd.daemon.modbus_sections import MetersSection, ModbusSection
-from acqd.daemon.section import Nominal, Port, Positive, Share
+from acqd.daemon.section import Host, Nominal, Port, Positive, Share
 from acqd.metering.block import nominal_near
 from acqd.section import KEY, FileName, Section
 from acqd.sources import ChannelMap, SimulationSettings
@@ -112,7 +112,7 @@ class AdsSection(DeviceSection):
     """A TwinCAT PC."""
 
     kind: Literal["ads"]
-    host: Annotated[str, Field(min_length=1)]
+    host: Host
     ams_net_id: Annotated[str, Field(pattern=r"^\d{1,3}(\.\d{1,3}){5}$")]
     ams_port: Port = 851
     local_net_id: Annotated[str, Field(pattern=r"^\d{1,3}(\.\d{1,3}){5}$")] | None = None

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from acqd.daemon.section import Port
+from acqd.daemon.section import Host, Port
 from acqd.errors import UserError
 from acqd.section import FileName, Section
 
@@ -56,7 +56,7 @@ class WebSection(Section):
 
     enabled: bool = False
     """`acqd run` starts the page in a separate process."""
-    host: str = "127.0.0.1"
+    host: Host = "127.0.0.1"
     port: Port = 8731
     token: str = Field(default="", repr=False)
     """Asked for in the address; empty: none on loopback, elsewhere a new one per start."""

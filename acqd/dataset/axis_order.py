@@ -14,6 +14,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import t as student
 
 from acqd.dataset.order_fit import (
     CLEARLY,
@@ -31,6 +32,8 @@ _GAIN = 0.2
 """Nats a row that another order must gain before logs are refused. In real logs of a UR10e and a Kinova Gen3 no order
 gains more than 0.1 with a clear difference; two wrist joints exchanged gain 0.4 to 0.8 by currents."""
 _MOST_STEPS = 4
+_BY_CHANCE = 0.02
+"""Probability of a wrong order that fits as well as the logged one to be called better."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,11 +87,21 @@ def judge_order(robot: RobotDescription, samples: Sequence[OrderSample], *, gues
     if fit.blocks < FEWEST_BLOCKS:
         return OrderJudgement(None, frozenset(others))
     gains = {order: fit.gain(logged, order) for order in others}
-    best = max(gains, key=lambda order: gains[order][0] if gains[order][1] > CLEARLY else -np.inf)
+    clearly = best_of(len(others), fit.blocks)
+    best = max(gains, key=lambda order: gains[order][0] if gains[order][1] > clearly else -np.inf)
     least = GAIN_BY_POWER if samples[0].seen.ndim == 1 else _GAIN
-    if gains[best][1] > CLEARLY and gains[best][0] > least and fit.explained(best) > EXPLAINED:
+    if gains[best][1] > clearly and gains[best][0] > least and fit.explained(best) > EXPLAINED:
         return OrderJudgement(_climbed(fit, best))
     return OrderJudgement(None, frozenset(order for order, (_, errors) in gains.items() if errors > -CLEARLY))
+
+
+def best_of(orders: int, blocks: int) -> float:
+    """Standard errors that the best of so many wrong orders is ahead by with a probability of `_BY_CHANCE`, at least.
+
+    The best of sixty orders pays for the choice (Bonferroni), and few blocks know their own scatter badly (Student):
+    with a minute of power and a payload that the description lacks, the best wrong order is 3 standard errors ahead.
+    """
+    return float(student.isf(_BY_CHANCE / orders, blocks - 1))
 
 
 def _climbed(fit: Fit, order: Order) -> Order:

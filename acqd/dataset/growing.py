@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from acqd.atomic import complete_folder, write_complete
+from acqd.atomic import complete_folder, require_writable, write_complete
 from acqd.dataset.config import BuildConfig
 from acqd.dataset.manifest import load_manifest
 from acqd.errors import OperationError, UserError
@@ -44,6 +44,7 @@ def existing(config: BuildConfig, robot: RobotDescription) -> Existing:
     if not config.append:
         if config.out.exists():
             raise UserError(f"{config.out} exists; choose another --out, remove it, or put more into it with --append")
+        require_writable(config.out)
         return Existing()
     manifest = load_manifest(config.out)
     content = (config.out / MANIFEST).read_bytes()

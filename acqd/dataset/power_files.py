@@ -54,6 +54,8 @@ def read_file(path: Path, device: str | None, channel: str | None, notes: list[s
         yield from _rows(path, _READERS[path.suffix], device, channel, notes)
     except UserError:
         raise
+    except PermissionError:
+        raise InputError(path, "may not be read by this user; check its permissions") from None
     except Exception as error:  # names and cells that are no text, types that a column cannot have ...
         raise InputError(path, f"cannot be read as power rows ({type(error).__name__}: {error})") from None
 

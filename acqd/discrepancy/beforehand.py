@@ -15,6 +15,8 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.discrepancy.ability.ability import Ability
+from acqd.discrepancy.ability.choices import Choice, assumptions, choices_table, most_helpful
+from acqd.discrepancy.further_columns import further_choices, unread
 from acqd.discrepancy.recordings import carrier_in
 from acqd.discrepancy.regression.setup import Comparison, set_up
 from acqd.discrepancy.selection.session_columns import with_sessions
@@ -37,6 +39,7 @@ PLANNED = "planned "
 """Names of recordings that are not made yet begin so."""
 _LATER_S = 86_400.0
 """The next session is on another day."""
+Progress = Callable[[str, float], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,17 +47,35 @@ class Beforehand:
     """What recordings of a motion can tell."""
 
     ability: Ability
+    robot: str
+    simulated: bool
+    """Whether the power of the reference is simulated."""
     motion: str
     minutes: float
+    choices: tuple[Choice, ...]
+    """The plan, twice its minutes, and every column that the recordings lack."""
+
+    @property
+    def says(self) -> list[str]:
+        """What would help most, and what is assumed, in sentences."""
+        useless = [f"No effect reads a logged {name}." for name in unread()]
+        return [*most_helpful(self.choices), *useless, *assumptions(self.choices)]
+
+    @property
+    def choices_table(self) -> list[list[str]]:
+        """A header, and a row per choice."""
+        return choices_table(self.choices)
 
     def as_json(self) -> dict[str, Any]:
         """For `--json`."""
-        return {"motion": self.motion, "minutes": self.minutes, **self.ability.as_json()}
+        choices = [each.as_json() for each in self.choices]
+        return {
+            "motion": self.motion, "minutes": self.minutes, **self.ability.as_json(), "choices": choices,
+            "says": self.says,
+        }  # fmt: skip
 
 
-def beforehand(
-    bundle: Path, motion: Path | None, minutes: float | None, progress: Callable[[str, float], None]
-) -> Beforehand:
+def beforehand(bundle: Path, motion: Path | None, minutes: float | None, progress: Progress) -> Beforehand:
     """Of the motion of a dataset, of a log or program, or of that which the bundle remembers.
 
     Raises UserError, InputError.
@@ -63,6 +84,8 @@ def beforehand(
     reference = load_reference(bundle)
     if not reference:
         raise UserError(f"{bundle}: the model remembers no recordings, so that their noise is unknown; train it again")
+    if motion is not None and not motion.exists():
+        raise UserError(f"{motion}: no such file or folder; name a dataset, a robot's log or a laboratory program")
     carrier = carrier_in(opened, model)
     if carrier is None:
         raise UserError(f"{bundle}: the model has no grey box for the torques of effects; train --network grey-box")
@@ -74,18 +97,19 @@ def beforehand(
     else:
         segments = _same_robot(motion, model, opened.metadata["robot"])
     planned = without_known_effects(model, with_planned_power(model, reference, segments))
-    setup = set_up(
-        Comparison(
-            model=carrier, robot=robot, in_question=planned, reference=without_known_effects(model, reference),
-            chosen=frozenset(library()), withheld=frozenset(opened.metadata.get("withheld", ())),
-        ),
-        lambda share: progress("computing the columns of all effects", share),
+    comparison = Comparison(
+        model=carrier, robot=robot, in_question=planned, reference=without_known_effects(model, reference),
+        chosen=frozenset(library()), withheld=frozenset(opened.metadata.get("withheld", ())),
     )  # fmt: skip
+    setup = set_up(comparison, lambda share: progress("computing the columns of all effects", share))
     recorded = sum(len(segment.P) for segment in segments) * model.step_s / 60
     asked = recorded if minutes is None else minutes
     searched = 1 - 1 / THRESHOLDS.held_out_every  # the loop holds the other recordings out
-    ability = Ability.planned(with_sessions(setup), setup.gates[0].open, searched * asked / recorded)
-    return Beforehand(ability, str(bundle if motion is None else motion), asked)
+    rows, longer = with_sessions(setup), searched * asked / recorded
+    ability = Ability.planned(rows, rows.design.columns.in_question, longer)
+    choices = further_choices(comparison, rows, ability, longer, progress)
+    named = str(bundle if motion is None else motion)
+    return Beforehand(ability, robot.title, opened.metadata.get("measured") == "simulated", named, asked, choices)
 
 
 def _same_robot(motion: Path, model: Predictor, name: str) -> list[Segment]:

@@ -42,7 +42,7 @@ def week_page(period: Period, statistics: list[Statistic], events: list[EventCla
         page.lines(_chart(period, "10s", "f", [channel], "frequency [Hz]"), "f of 10 s")
     page.heading("Harmonics")
     page.bars(
-        _harmonic_bars(statistics), "Value that 95 % of the 10 min values do not exceed, as a share of its limit."
+        _harmonic_bars(statistics), "The worst channel of each order; a longer bar than that of the limit is beyond."
     )
     page.lines(_chart(period, "10min", "V_thds", period.channels, "THD [%]"), "THD of 10 min")
     with page.folded("All harmonics"):
@@ -110,7 +110,10 @@ def _harmonic_bars(statistics: list[Statistic]) -> Bars:
             worst = max(mine, key=lambda one: one.p95)
             shown = f"{number(worst.p95)} of {limit:g} %"
             rows.append(Bar(f"H{order}", worst.p95 / limit, shown, "after" if worst.met else "before", worst.channel))
-    return Bars([Bar("limit", 1.0, "", "muted"), *rows], "share of the limit")
+    return Bars(
+        [Bar("limit", 1.0, "", "muted"), *rows],
+        "Value that 95 % of the 10 min values do not exceed, as a share of its limit",
+    )
 
 
 def _duration(low: float, high: float) -> str:

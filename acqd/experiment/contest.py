@@ -64,6 +64,8 @@ class Cause:
     """Share of belief among the causes that are compared."""
     between_sessions: tuple[float, float]
     """Variance of the size where nothing has changed, and its degrees of freedom."""
+    with_another: tuple[float, float]
+    """The same with one more session: what differs from day to day averages out."""
 
     def sizes(self) -> tuple[Floats, Floats]:
         """Sizes [n] of the posterior within the bounds of the parameter, and their weights [n]."""
@@ -87,6 +89,8 @@ class Contest:
     """[own] of the priors of the regression's columns."""
     learning_rate: float
     kinds: int
+    another: bool = False
+    """Whether moments hold another session beside the recordings so far."""
 
     @classmethod
     def of(
@@ -155,7 +159,7 @@ class Contest:
         theta = np.abs(cause.sizes()[0])
         if precision < self.learning_rate * LEAST_POWER:
             return np.full(len(theta), _NEVER)
-        variance, freedom = cause.between_sessions
+        variance, freedom = cause.with_another if self.another else cause.between_sessions
         chance = by_chance(self.kinds)
         improbable = _improbable(chance, freedom)
         least = max(

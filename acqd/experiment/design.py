@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -171,9 +171,9 @@ class _Session:
 
     def outlook(self, program: list[str]) -> Outlook:
         """What the recordings so far and a program promise."""
-        moments = self._after(program)
+        contest, moments = replace(self.contest, another=bool(program)), self._after(program)
         pieces = tuple(self.pieces[name] for name in program)
-        return Outlook(self.contest.probabilities(moments), self.contest.closest(moments), pieces)
+        return Outlook(contest.probabilities(moments), contest.closest(moments), pieces)
 
     def _after(self, program: list[str]) -> Moments:
         return together([self.so_far, *(self.moments[name] for name in program)])
@@ -188,7 +188,7 @@ def _session(
     model = subject.model
     to_come = planned(space, list(pieces.values()), model, subject.reference, age_s)
     open_ = opened(question, recordings, to_come, asked.causes, progress)
-    contest = open_.contest
+    contest = replace(open_.contest, another=True)
     so_far = open_.moments_of(open_.so_far)
     moments = {name: open_.moments_of(weights) for name, weights in open_.pieces.items()}
     seconds = {name: pieces[name].seconds for name in moments}

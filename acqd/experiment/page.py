@@ -33,7 +33,7 @@ def write_page(path: Path, designed: Designed) -> None:
         simulated=question.subject.data.measured == "simulated", kind="next", subject=question.subject.robot.name,
     )  # fmt: skip
     page.verdict(tile(designed))
-    page.bars(_bars(designed), "Probability of the right name, over the causes by what they are believed.")
+    page.bars(_bars(designed), "The mean over the causes, each weighted by its belief.")
     page.heading("What the recording would tell")
     page.text(
         "Probability that the loop names a cause, if that is what has changed: with the recordings so far, after "
@@ -149,7 +149,7 @@ def _bars(designed: Designed) -> Bars:
     for name, outlook, colour in named:
         value = outlook.right(designed.causes)
         rows.append(Bar(name, value, share(value), colour))  # type: ignore[arg-type]
-    return Bars(rows, "probability of the right name")
+    return Bars(rows, "Probability of the right name")
 
 
 def _angles(designed: Designed) -> Chart:

@@ -25,7 +25,7 @@ from acqd.discrepancy.search import begins_of, unexplained
 from acqd.discrepancy.selection.judging import best_of_each, kinds_of
 from acqd.discrepancy.selection.ranking import Finding, Rows, bounds_of, part_of, prior_of, ranked
 from acqd.discrepancy.selection.session_columns import CLOCK, LEVEL, with_sessions
-from acqd.discrepancy.selection.spread import variances_of_sessions
+from acqd.discrepancy.selection.spread import More, variances_of_sessions
 from acqd.discrepancy.settled import leaves_open, settled
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.discrepancy.thresholds.chance import by_chance
@@ -267,10 +267,15 @@ def _causes(known: Rows, rows: Rows, exists: Floats, leading: list[Finding]) -> 
     believed = np.exp([(finding.evidence - first) / moved for finding in leading])
     believed /= believed.sum()
     units = [replace(finding, coefficients=_unit(finding)) for finding in leading]
-    spreads = variances_of_sessions(known.design, known.regression, units, gate)
+    columns = known.design.columns
+    days = len({columns.segments[part.segment].session for part in columns.parts if part.in_question})
+    spreads, fewer = (
+        variances_of_sessions(known.design, known.regression, units, gate, More(days=more))
+        for more in (1.0, 1 + 1 / days)
+    )
     by_key = {each.key: each for each in rows.design.columns.candidates}
     causes = []
-    for finding, unit, spread, share in zip(leading, units, spreads, believed.tolist(), strict=True):
+    for finding, unit, spread, after, share in zip(leading, units, spreads, fewer, believed.tolist(), strict=True):
         candidate = by_key[finding.candidate.key]
         theta, single = unit.coefficients, len(unit.coefficients) == 1
         if not single and not candidate.id:  # the columns of a law follow the range of the motion
@@ -281,7 +286,7 @@ def _causes(known: Rows, rows: Rows, exists: Floats, leading: list[Finding]) -> 
                 candidate, candidate.weights(theta), float(finding.coefficients[0]) if single else 1.0,
                 float(finding.deviation[0]) if single else _along(known, gate, unit),
                 (float(low[0]), float(high[0])) if single else (-np.inf, np.inf),
-                prior_of(known.design, finding.candidate), finding.evidence, share, spread,
+                prior_of(known.design, finding.candidate), finding.evidence, share, spread, after,
             )
         )  # fmt: skip
     return tuple(causes)

@@ -7,7 +7,6 @@ from pathlib import Path
 import orjson
 
 from acqd.atomic import complete_folder
-from acqd.errors import UserError
 from acqd.experiment.design import Designed, as_json
 from acqd.experiment.page import write_page
 from acqd.motion.chain import Move
@@ -22,12 +21,6 @@ _CHECK_2 = (
     "program before the robot moves: reach, tool, load, people. Collisions were checked for the described arm in "
 )
 _CHECK_3 = "scene '{scene}' only, and not on the way to the start: drive there by hand. Run it at reduced speed first."
-
-
-def require_writable(folder: Path) -> None:
-    """A folder that is absent, empty or an earlier design. Raises UserError."""
-    if folder.exists() and not (folder / "next.json").exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise UserError(f"{folder} exists and is not an earlier design: it would be lost; choose another --out")
 
 
 def write_all(folder: Path, designed: Designed) -> None:

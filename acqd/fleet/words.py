@@ -6,7 +6,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 from acqd.fleet.size import main_parameter
-from acqd.report.digits import number, percent
+from acqd.report.digits import number, percent, year_text
 
 Row = dict[str, Any]
 STATES = {"changed": "changed", "unchanged": "no change shown", "failed": "not judged"}
@@ -59,10 +59,7 @@ def a_year(row: Row) -> str:
     for effect in row["effects"]:
         year = effect.get("a_year")
         if year is not None:
-            bounds = year["kWh_ci95"]
-            interval = f" ({number(bounds[0])} to {number(bounds[1])})" if bounds else ""
-            cost = f", {number(year['EUR'])} EUR" if year["EUR"] is not None else ""
-            texts.append(f"{number(year['kWh'])} kWh{interval}{cost}")
+            texts.append(year_text(year))
     return "; ".join(texts)
 
 

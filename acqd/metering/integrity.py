@@ -27,6 +27,8 @@ _TALL = 6.0
 of a quantum doubles that."""
 _WRAP = 0.8
 """Of the range: a step this large may be a roll-over."""
+_SLOPES = 400
+"""Of a cycle: slopes beside a roll-over are those of such a part of it, at least of one sample."""
 _OFFSET = 0.1
 """Mean of a voltage as a share of its alternating RMS."""
 
@@ -77,17 +79,18 @@ def _runs_into(side: Floats, least: float) -> bool:
     return bool(steps.min() > 0 and steps.max() < 4.5 * steps.min() and steps.mean() > least)
 
 
-def rolled_over(x: Floats) -> bool:
-    """Whether the wave leaves the range at one end and goes on at the other."""
+def rolled_over(x: Floats, cycle: int) -> bool:
+    """Whether the wave leaves the range at one end and goes on at the other; `cycle`: samples of one."""
     low, high = float(x.min()), float(x.max())
     span = high - low
     if not span or len(x) < 5:
         return False
-    steps = np.diff(x)
+    steps, apart = np.diff(x), max(1, cycle // _SLOPES)
     for at in np.flatnonzero(np.abs(steps) > _WRAP * span).tolist():
-        if not 2 <= at < len(x) - 3:
+        if not 2 * apart <= at < len(x) - 1 - 2 * apart:
             continue
-        slopes = np.array([x[at] - x[at - 1], x[at - 1] - x[at - 2], x[at + 2] - x[at + 1], x[at + 3] - x[at + 2]])
+        before, after = x[at - 2 * apart : at + 1 : apart], x[at + 1 : at + 2 + 2 * apart : apart]
+        slopes = np.concatenate((np.diff(before), np.diff(after)))
         against = slopes * -np.sign(steps[at])
         if against.min() > 0.002 * span and against.max() < 4 * against.min():
             return True
@@ -137,7 +140,7 @@ def flags_of(values: Codes, cycle: int, look: Look | None = None) -> frozenset[s
     found = set()
     columns = zip(seen.step, seen.least, seen.most, seen.at_least, seen.at_most, strict=True)
     for k, (step, least, most, at_least, at_most) in enumerate(columns):
-        if step > _WRAP * (most - least) and rolled_over(_channel(values, k)):
+        if step > _WRAP * (most - least) and rolled_over(_channel(values, k), cycle):
             found.add("rollover")
         elif max(at_least, at_most) >= _FLAT and clipped(_channel(values, k), cycle):
             found.add("clipped")

@@ -178,11 +178,11 @@ class Meter:
             return None
         windows = slice(first, first + len(found))
         flags = [[set(names) for names in piece.flags[windows]] for _ in self._phases]
-        for k, one in enumerate(found):
-            mark_phases(flags, k, one.mark)
-        numbers = np.array([one.quantities + one.readings for one in found]).T
+        for k, (_, mark, *_) in enumerate(found):
+            mark_phases(flags, k, mark)
+        numbers = np.array([quantities + readings for _, _, quantities, readings in found]).T
         Vrms, Irms, P, Q1, imported, exported = numbers.reshape(6, len(self._phases), -1)
-        f = np.array([one.f for one in found])
+        f = np.array([f for f, *_ in found])
         return WindowBatch(piece.seq[windows], piece.utc_ns[windows], Vrms, Irms, P, f, imported, exported, Q1, flags)
 
     def _live(self, kernel: Kernel, window: LiveWindow) -> WindowBatch:
@@ -193,12 +193,11 @@ class Meter:
         if metered is None:
             kernel.give_back()
             return self._numpy.whole(window.piece(), self.energy)
-        flags = None
-        if metered.mark or window.flags:
+        (f, mark, quantities, readings), flags = metered, None
+        if mark or window.flags:
             flags = [[set(window.flags)] for _ in self._phases]
-            mark_phases(flags, 0, metered.mark)
-        one = OneWindow(window.seq, window.utc_ns, metered.f, metered.quantities, metered.readings, flags)
-        return batch_of(one)
+            mark_phases(flags, 0, mark)
+        return batch_of(OneWindow(window.seq, window.utc_ns, f, quantities, readings, flags))
 
     def _of_kernel(
         self, seq: NDArray[np.int64], utc_ns: NDArray[np.int64], named: Sequence[frozenset[str]], usual: Metered

@@ -19,14 +19,9 @@ class SampleBuffer:
         self.codes: Codes = np.empty((0, codes.shape[1]), codes.dtype)
         """[room, channels], contiguous."""
         self.begin = self._to = 0
-        self.origin = origin
-        """Number of the first sample, at position `begin`."""
+        self.origin = self.end = origin
+        """Numbers of the first sample, at position `begin`, and after the newest one."""
         self.append(codes)
-
-    @property
-    def end(self) -> int:
-        """Number after the newest sample."""
-        return self.origin + self._to - self.begin
 
     @property
     def run(self) -> Codes:
@@ -36,7 +31,7 @@ class SampleBuffer:
     def restart(self, codes: Codes, origin: int) -> None:
         """Forget all; the next samples begin with number `origin`."""
         self.begin = self._to = 0
-        self.origin = origin
+        self.origin = self.end = origin
         self.append(codes)
 
     def state(self) -> State:
@@ -56,6 +51,7 @@ class SampleBuffer:
             begin = self._to
         self.codes[begin : begin + count] = codes
         self._to = begin + count
+        self.end += count
 
     def forget(self, number: int) -> None:
         """Samples before `number`."""

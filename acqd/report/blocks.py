@@ -13,6 +13,8 @@ from acqd.report.lines import Chart
 
 _SHORT = 18
 """Characters of a cell that need no line break."""
+_NARROW = 24
+"""Characters that the least width of a column of sentences (`.words`, 12rem) holds in one line."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,9 +153,11 @@ def _classes(column: Sequence[object]) -> str:
 
 
 def _is_prose(cell: object) -> bool:
-    """Several words with hardly a digit."""
+    """Several words with hardly a digit, longer than the least width of a column of sentences."""
     text = str(cell)
-    return text.count(" ") >= 2 and sum(character.isdigit() for character in text) < len(text) / 4
+    return (
+        len(text) > _NARROW and text.count(" ") >= 2 and sum(character.isdigit() for character in text) < len(text) / 4
+    )
 
 
 def _cell(value: object) -> Cell:

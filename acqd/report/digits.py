@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from typing import Any
 
 FEWEST_FOR_INTERVAL = 5
 """Recordings: resampling fewer of them says next to nothing about others."""
@@ -52,6 +54,17 @@ def confidence_interval(bounds: tuple[float, float], recordings: int) -> str:
     return text if recordings < FEWEST_FOR_INTERVAL else f"95 %: {text}"
 
 
+def year_text(year: Mapping[str, Any]) -> str:
+    """Energy of a year with its interval and its cost; `year` is `a_year` of an effect in report.json.
+
+    The interval is left out where too few recordings are behind it. Earlier reports did not count the recordings.
+    """
+    bounds = year["kWh_ci95"] if year.get("recordings", FEWEST_FOR_INTERVAL) >= FEWEST_FOR_INTERVAL else None
+    between = f" ({number(bounds[0])} to {number(bounds[1])})" if bounds else ""
+    cost = "" if year["EUR"] is None else f", {number(year['EUR'])} EUR"
+    return f"{number(year['kWh'])} kWh{between}{cost}"
+
+
 def counted(count: int, noun: str) -> str:
     """A count with its noun: 1 recording, 2 recordings."""
     return f"{count} {noun}{'' if count == 1 else 's'}"
@@ -76,9 +89,23 @@ def quantity(value: float | None, unit: str, digits: int = 5) -> str:
     if not value:
         return f"0 {unit}".rstrip()
     size = float(f"{abs(value):.{digits - 1}e}")  # 999999.9 is 1.0000 M
-    power = min(max(math.floor(math.log10(size) / 3), -3), 4) if unit else 0
+    power = _prefix(size) if unit else 0
     scaled = value / 1000.0**power
     return f"{scaled:.{_decimals(size / 1000.0**power, digits)}f} {_PREFIXES[power]}{unit}".rstrip()
+
+
+def quantity_with_interval(value: float, half: float, unit: str) -> str:
+    """A value and its interval with one prefix, as -81 (-132 to -31) mWh; `half` is half its width."""
+    if not (math.isfinite(value) and math.isfinite(half) and half > 0):
+        return quantity(value, unit, 3)
+    power = _prefix(max(abs(value), half))
+    value, half = value / 1000.0**power, half / 1000.0**power
+    return f"{with_error(value, half)} ({interval(value - half, value + half)}) {_PREFIXES[power]}{unit}"
+
+
+def _prefix(size: float) -> int:
+    """Power of 1000 of the prefix that suits a positive number."""
+    return min(max(math.floor(math.log10(size) / 3), -3), 4)
 
 
 def _decimals(size: float, digits: int) -> int:

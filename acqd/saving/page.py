@@ -43,7 +43,7 @@ def write_page(path: Path, found: Savings) -> None:
     if proposal is not None:
         page.heading("Motion")
         page.lines(_motion(found, block), f"As it is, and {proposal.name}, in {duration(proposal.use.seconds)}.")
-        page.bars(_speeds(found, block), "Greatest speed of each joint in the proposal, as a share of its limit.")
+        page.bars(_speeds(found, block), "In the motion that is proposed.")
     page.heading("What the model cannot tell")
     for text in found.unknown:
         page.text(f"{text[0].upper()}{text[1:]}.")
@@ -172,5 +172,5 @@ def _speeds(found: Savings, block: Block) -> Bars:
     shares = (np.abs(block.proposals[-1].motion.qd).max(axis=0) / robot.speed).tolist()
     return Bars(
         [Bar(joint.name, value, percent(value), "after") for joint, value in zip(robot.joint, shares, strict=True)],
-        "share of the speed limit",
+        "Greatest speed of each joint as a share of its limit",
     )

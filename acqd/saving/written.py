@@ -7,7 +7,6 @@ from pathlib import Path
 import orjson
 
 from acqd.atomic import complete_folder
-from acqd.errors import UserError
 from acqd.motion.chain import Move
 from acqd.motion.program_file import program_text
 from acqd.motion.program_text import programs, streamed, timed_joints
@@ -24,12 +23,6 @@ _CHECK = (
 )
 _BRAKES = " The controller has to close the brakes after {after:g} s of standstill."
 _UNBLENDED = " Corners are blended in program.toml and not here, so that this program takes longer."
-
-
-def require_writable(folder: Path) -> None:
-    """A folder that is absent, empty or has earlier proposals. Raises UserError."""
-    if folder.exists() and not (folder / "save.json").exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise UserError(f"{folder} exists and has no earlier proposals: it would be lost; choose another --out")
 
 
 def write_all(folder: Path, found: Savings) -> None:

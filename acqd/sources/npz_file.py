@@ -38,7 +38,7 @@ def load(path: Path, given: ChannelMap) -> Recording:
     if missing:
         raise InputError(path, f"lacks {', '.join(missing)}; has {', '.join(sorted(data)) or 'nothing'}")
     names = _PHYSICAL[:2] if physical else _KEYS[:2]
-    u, i = (_values(path, key, data[key]) if physical else _codes(path, key, data[key]) for key in names)
+    u, i = (_by_phase(_values(path, key, data[key]) if physical else _codes(path, key, data[key])) for key in names)
     if u.shape != i.shape:
         shapes = f"{names[0]} {u.shape} and {names[1]} {i.shape}"
         raise InputError(path, f"{shapes} differ; expected the same [phase, sample]")
@@ -69,6 +69,11 @@ def load(path: Path, given: ChannelMap) -> Recording:
         path, "NPZ of " + ("values" if physical else "codes"), channels, samples, column, rate, start, f_nominal,
         simulated, noun="channel", full_scale=not physical, declared=True,
     )  # fmt: skip
+
+
+def _by_phase(array: np.ndarray) -> np.ndarray:
+    """[phase, sample], also of [sample, phase]: no recording has more phases than samples."""
+    return array.T if array.shape[1] <= 3 < array.shape[0] else array
 
 
 def _with_rate(path: Path, data: dict[str, Any]) -> dict[str, Any]:

@@ -7,6 +7,21 @@ import socket
 from acqd.errors import UserError
 
 
+def bare_host(host: str) -> str:
+    """The name or address of a computer, as it is. Raises ValueError where a scheme or a port is in it.
+
+    An IPv6 address has more than one colon.
+    """
+    name, colon, port = host.partition(":")
+    if "/" in host or (colon and (not port or port.isdecimal())):
+        rest = host.partition("://")[2] if "://" in host else host
+        bare = rest.partition("/")[0].partition("@")[2] or rest.partition("/")[0]
+        raise ValueError(
+            f"expected a name or an address alone, such as {bare.partition(':')[0] or name}; port has its own place"
+        )
+    return host
+
+
 def check_port(host: str, port: int, of: str = "broker") -> None:
     """Raise UserError unless this process may listen on host:port; `of` is what wants to."""
     with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) as probe:

@@ -1,7 +1,9 @@
 """The tree of commands imports what a command line needs."""
 
+import re
 import subprocess
 import sys
+from collections import defaultdict
 
 import pytest
 import typer.main
@@ -62,6 +64,18 @@ def test_times_have_one_name():
     both = {path: {one.opts[0] for where, one in found if where == path} for path, _ in found}
     ends = [path for path, opts in both.items() if "--to" in opts]
     assert len(ends) >= 7 and all("--from" in both[path] for path in ends)
+
+
+def test_options_that_commands_share_are_in_the_table_of_names():
+    table = (ROOT / "CONTRIBUTING.md").read_text().partition("## Names of options")[2].partition("## Tests")[0]
+    named = set(re.findall(r"^\| (.*?) \|", table, re.MULTILINE))
+    named = {word for cell in named for word in re.findall(r"`(--[a-z-]+)`", cell)}
+    users = defaultdict(set)
+    for path, one in options(typer.main.get_command(command_tree())):
+        if not one.hidden:
+            users[one.opts[0]].add(path)
+    shared = {name for name, paths in users.items() if len(paths) > 1}
+    assert len(shared) > 40 and shared - named == set() and named - set(users) == set()
 
 
 def test_help_keeps_its_brackets():

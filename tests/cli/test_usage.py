@@ -6,6 +6,9 @@ import pytest
 
 from acqd.cli.commands import command_tree
 from acqd.cli.main import for_people
+from acqd.daemon.config_file import load_config
+from acqd.errors import UserError
+from acqd.telemetry.ports import bare_host
 
 MISTAKES = {
     (
@@ -39,3 +42,19 @@ def test_a_group_without_a_command_shows_its_help(capfd):
     with pytest.raises(SystemExit) as end:
         for_people(lambda: command_tree(["archive"])(["archive"], prog_name="acqd", standalone_mode=False))
     assert end.value.code == 2 and "verify" in "".join(capfd.readouterr())
+
+
+@pytest.mark.parametrize("host", ["mqtt://broker:1883", "broker:1883", "https://user@broker/path"])
+def test_a_host_is_a_name_without_scheme_and_port(host, tmp_path, capfd):
+    with pytest.raises(SystemExit) as end:
+        for_people(lambda: command_tree(["watch"])(["watch", "--host", host], prog_name="acqd", standalone_mode=False))
+    said = "expected a name or an address alone, such as broker"
+    assert end.value.code == 2 and f"acqd: watch: --host: {said}" in capfd.readouterr().err
+    (tmp_path / "a.toml").write_text(f'[mqtt]\nhost = "{host}"\n')
+    with pytest.raises(UserError, match=f"mqtt.host: {said}"):
+        load_config(tmp_path / "a.toml")
+
+
+@pytest.mark.parametrize("host", ["::1", "fe80::1%eth0", "fe80::1", "broker.hall-3.example.", "10.0.0.5"])
+def test_an_address_is_a_host(host):
+    assert bare_host(host) == host

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from acqd.dataset.axis_order import best_of
 from acqd.dataset.build import BuildConfig, build
 from acqd.dataset.column_check import (
     _require_scale,
@@ -15,7 +16,7 @@ from acqd.dataset.column_check import (
     judge_table,
 )
 from acqd.dataset.merge import Recording
-from acqd.dataset.order_fit import OrderSample
+from acqd.dataset.order_fit import CLEARLY, OrderSample
 from acqd.dataset.other_robot import other_robot
 from acqd.errors import UserError
 from acqd.robot.description import load_description
@@ -191,3 +192,12 @@ def test_motor_torques_of_one_moving_joint_belong_to_the_angles(tmp_path, name, 
     tau = inverse_dynamics(robot, q, qd, np.gradient(qd, time, axis=0)) + 0.08 * rated * np.tanh(qd / 0.02)
     tau += 0.02 * rated * np.random.default_rng(1).normal(size=q.shape)
     check_columns(RobotLog(tmp_path / "log.csv", time, q, tau=tau), robot)
+
+
+def test_the_best_of_many_orders_pays_for_the_choice_and_few_blocks_for_their_scatter():
+    """Orders that fit as well as the logged one, by 32 blocks of noise: one in fifty is called better."""
+    differences = np.random.default_rng(1).standard_normal((2000, 61, 32))
+    errors = differences.sum(axis=2) / (differences.std(axis=2) * np.sqrt(32))
+    share = float((errors.max(axis=1) > best_of(61, 32)).mean())
+    assert 0.01 < share < 0.03 < float((errors.max(axis=1) > CLEARLY).mean())
+    assert best_of(61, 32) > best_of(61, 320) > best_of(1, 320)

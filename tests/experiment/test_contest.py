@@ -17,7 +17,8 @@ BASE = np.array([[50.0]])
 
 
 def cause(size=1.0, deviation=1e-6, between=0.0):
-    return Cause(CAUSE, np.ones(1), size, deviation, (-10.0, 10.0), np.ones(1), 50.0, 1.0, (between, 10.0))
+    spreads = (between, 10.0), (between / 2, 10.0)
+    return Cause(CAUSE, np.ones(1), size, deviation, (-10.0, 10.0), np.ones(1), 50.0, 1.0, *spreads)
 
 
 def contest(rivals=(RIVAL,), learning_rate=1.0, **more):
@@ -57,6 +58,12 @@ def test_another_place_of_the_same_effect_is_no_rival():
 
 def test_sizes_that_unchanged_sessions_differ_by_are_not_named():
     assert probability(contest(between=1.0), moments(2000, 0.3, 2)) < 0.1
+
+
+def test_another_session_halves_what_days_differ_by():
+    one = contest(between=0.1)
+    two = replace(one, another=True)
+    assert probability(one, moments(2000, 0.3, 2)) + 0.2 < probability(two, moments(2000, 0.3, 2))
 
 
 def test_a_rival_with_many_parameters_pays_for_them():

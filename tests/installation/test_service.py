@@ -108,7 +108,7 @@ def test_what_cannot_be_installed_is_named(root):
     assert "does not see" in refused(acqd_here("service", "install", "--archive", "/home/x", "--root", root))
     (root / "etc" / "group").write_text("root:x:0:\n")
     assert "--no-broker" in refused(acqd_here("service", "install", "--root", root))
-    assert "not a folder" in refused(acqd_here("service", "install", "--root", root / "nowhere"))
+    assert "nowhere: no such folder" in refused(acqd_here("service", "install", "--root", root / "nowhere"))
 
 
 def test_systemd_accepts_the_units(root):

@@ -36,6 +36,13 @@ def test_a_wrap_is_a_roll_over_in_codes_and_in_volts():
     assert flags(codes * 0.0225) == {"rollover"}
 
 
+def test_a_wrap_just_beyond_the_range_is_a_roll_over_at_high_rates():
+    cycle = 1024
+    angle = 2 * np.pi * np.arange(2 * cycle) / cycle + 0.7
+    codes = np.rint(np.cos(angle) * 36_000).astype(np.int64).astype(np.int16).astype(float)
+    assert flags_of(np.column_stack([codes, np.cos(angle)]), cycle) == {"rollover"}
+
+
 def test_a_mean_of_a_voltage_is_an_offset_and_of_a_current_a_load():
     assert "offset" in flags(SINE * 230 + 737)  # offset-binary codes
     assert flags(SINE * 325 + 3.0) == frozenset()  # 1 % is a converter's

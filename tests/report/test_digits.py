@@ -9,7 +9,9 @@ from acqd.report.digits import (
     number,
     percent,
     quantity,
+    quantity_with_interval,
     with_error,
+    year_text,
 )
 from acqd.report.footer import command
 
@@ -58,3 +60,20 @@ def test_the_command_of_the_footer_holds_no_credentials():
 )  # fmt: skip
 def test_large_and_small_values_have_prefixes(value, unit, text):
     assert quantity(value, unit) == text
+
+
+@pytest.mark.parametrize(
+    ("value", "half", "text"),
+    [(-0.0814, 0.05, "-81 (-131 to -31) mWh"), (0.0, 12.0, "0 (-12 to 12) Wh"),
+     (1234.0, 8.0, "1.234 (1.226 to 1.242) kWh"), (5.0, 0.0, "5.00 Wh"), (5.0, float("inf"), "5.00 Wh")],
+)  # fmt: skip
+def test_a_value_and_its_interval_have_one_prefix(value, half, text):
+    assert quantity_with_interval(value, half, "Wh") == text
+
+
+@pytest.mark.parametrize(("recordings", "text"), [(2, "20.9 kWh, 5.20 EUR"), (5, "20.9 kWh (-33.0 to 75.0), 5.20 EUR")])
+def test_a_year_has_an_interval_where_recordings_suffice(recordings, text):
+    year = {"kWh": 20.94, "kWh_ci95": [-33.0, 75.0], "EUR": 5.2, "recordings": recordings}
+    assert year_text(year) == text
+    del year["recordings"]  # as an earlier version wrote it
+    assert year_text(year) == "20.9 kWh (-33.0 to 75.0), 5.20 EUR"

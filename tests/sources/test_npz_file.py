@@ -65,3 +65,11 @@ def test_arrays_of_other_names_are_channels_by_their_names(tmp_path):
     np.savez(tmp_path / "a.npz", voltage_mV=325e3 * wave, current_mA=7e3 * wave, dt=2.5e-4)
     form = load_waveform(tmp_path / "a.npz").form
     assert form.rate == pytest.approx(4_000) and form.scale == pytest.approx((1e-3, 1e-3))
+
+
+def test_volts_and_amperes_may_stand_in_columns(tmp_path):
+    u, i = np.random.default_rng(1).normal(size=(2, 4_000, 3))
+    np.savez(tmp_path / "a.npz", u_V=u, i_A=i, fs=20_000)
+    np.savez(tmp_path / "b.npz", u_V=u.T, i_A=i.T, fs=20_000)
+    first, second = (load_waveform(tmp_path / name).codes for name in ("a.npz", "b.npz"))
+    np.testing.assert_array_equal(first, second)

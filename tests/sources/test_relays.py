@@ -117,3 +117,29 @@ def test_a_rate_that_the_mains_of_a_minute_contradict_is_a_hint(tmp_path, rate, 
     np.savez(tmp_path / "a.npz", **codes, u_V_per_digit=mains.scale[0], i_A_per_digit=mains.scale[1])
     done = acqd_here("replay", tmp_path / "a.npz")
     assert done.returncode == 0 and ("is the sampling rate right" in done.stderr) == hint
+
+
+def test_headers_that_recorders_of_others_write(tmp_path):
+    recording = Recording(make_mains(50.0, seconds=0.2), edition=2013, kind="FLOAT32", tail=("1", "0,0", "0,0"))
+    header, data = recording.header(), recording.data()
+    limits = header.replace(b"-32767,32767", b"-3.40282347E+38,3.40282347E+38").replace(b",0D", b"")
+    (tmp_path / "a.Cfg").write_bytes(limits)
+    (tmp_path / "a.Dat").write_bytes(data)
+    assert load_waveform(tmp_path / "a.Cfg").form.rate == 20_000
+    text = Recording(make_mains(50.0, seconds=0.2), kind="ASCII")
+    (tmp_path / "b.cfg").write_bytes(text.header().replace(b"\r\n", b"\r"))
+    (tmp_path / "b.dat").write_bytes(text.data().replace(b"\r\n", b"\r"))
+    assert len(load_waveform(tmp_path / "b.cfg").codes) == len(text.codes)
+
+
+@pytest.mark.parametrize(("share", "read"), [(1.004, True), (1.5, False)])
+def test_rates_that_follow_the_mains_are_metered_at_their_mean(tmp_path, share, read):
+    recording = Recording(make_mains(50.0, seconds=0.2), segments=((20_000.0, 1_000), (20_000.0 * share, 4_000)))
+    path = recording.write(tmp_path)
+    if not read:
+        with pytest.raises(InputError, match="changes its sampling rate"):
+            load_waveform(path)
+        return
+    waveform = load_waveform(path)
+    assert waveform.form.rate == pytest.approx(4_000 / (1_000 / 20_000 + 3_000 / (20_000 * share)))
+    assert "follows the mains" in " ".join(waveform.notes)

@@ -24,7 +24,8 @@ NOTEBOOKS = Path(__file__).parents[2] / "docs" / "notebooks"
 MACHINE_PATH = re.compile(r"(?<![\w./])/(?:home|root|tmp|var|work|usr|opt|Users|private)/[\w.+/-]+")
 """An absolute path in a text."""
 _COLOURS = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
-_TIMEOUT_S = 1200
+_TIMEOUT_S = 7200
+"""Of a cell: ten minutes on a quiet computer."""
 _KEPT = ("text/plain", "text/html", "image/png")
 
 
@@ -74,13 +75,15 @@ def _plain(text: str | list[str], folder: Path) -> list[str]:
 def run(path: Path) -> dict[str, Any]:
     """Execute a notebook in an empty folder. Raises OperationError."""
     from nbclient import NotebookClient
-    from nbclient.exceptions import CellExecutionError
+    from nbclient.exceptions import CellExecutionError, CellTimeoutError
 
     nbformat: Any = import_module("nbformat")
     notebook = nbformat.read(path, as_version=4)
     with tempfile.TemporaryDirectory() as place:
         try:
             NotebookClient(notebook, timeout=_TIMEOUT_S, resources={"metadata": {"path": place}}).execute()
+        except CellTimeoutError:
+            raise OperationError(f"{path}: a cell took longer than {_TIMEOUT_S} s") from None
         except CellExecutionError as error:
             raise OperationError(f"{path}: {str(error).strip().splitlines()[-1]}") from None
         return portable(json.loads(nbformat.writes(notebook)), Path(place).resolve())

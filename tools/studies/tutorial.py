@@ -1,6 +1,6 @@
 """How often the intervals of the first ten minutes hold the truth: the page's payload in sessions of other seeds.
 
-    python -m tools.studies.tutorial OUT [--seeds 20]
+    python -m tools.studies.tutorial OUT [--seeds 20] [--first-seed 2]
 
 One robot in good order is measured and modelled once. For every seed a session with 1.5 kg at its flange follows, as on
 docs/first-ten-minutes.md, and the loop closes on it. All data are simulated. What is there already is not made again. A
@@ -111,11 +111,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("out", type=Path)
     parser.add_argument("--seeds", type=int, default=20)
+    parser.add_argument("--first-seed", type=int, default=_FIRST_SEED)
     arguments = parser.parse_args()
     console = Console(stderr=True)
     reference(arguments.out, console)
     results = []
-    for seed in range(_FIRST_SEED, _FIRST_SEED + arguments.seeds):
+    for seed in range(arguments.first_seed, arguments.first_seed + arguments.seeds):
         results.append(session(arguments.out, seed, console))
         for table in tables(results):
             Console(width=140).print(table)

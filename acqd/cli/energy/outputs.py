@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from acqd.atomic import require_writable
 from acqd.errors import UserError
 from acqd.extras import require
 
@@ -19,3 +20,5 @@ def check_outputs(command: str, csv: Path | None, html: Path | None) -> None:
     for path in (csv, html):
         if path is not None and not path.absolute().parent.is_dir():
             raise UserError(f"{path}: folder {path.absolute().parent} does not exist; create it")
+        if path is not None:
+            require_writable(path)

@@ -8,6 +8,7 @@ from typing import Annotated
 import orjson
 import typer
 
+from acqd.atomic import require_writable
 from acqd.cli.folded_table import Table
 from acqd.cli.options import Json
 from acqd.cli.progress import progress
@@ -33,10 +34,11 @@ def compare(
     from acqd.report.chain import REPORT, connect
 
     folder = models or default_models(dataset)
+    path = out or folder / "report.html"
+    require_writable(path)
     console = terminal(stderr=True)
     with progress(console) as show_step:
         comparison = run(load_dataset(dataset), folder, show_step)
-    path = out or folder / "report.html"
     write_report(comparison, path)
     connect(path, [dataset / REPORT])
     for note in comparison.notes:

@@ -12,6 +12,7 @@ import typer
 from acqd.cli.options import Json
 from acqd.cli.terminal import terminal
 from acqd.extras import require
+from acqd.report.digits import quantity
 
 
 def predict(
@@ -64,6 +65,6 @@ def predict(
     print(
         f"{log}: {len(prediction.P) * prediction.step_s:.1f} s, "
         f"mean {summary['mean_W']:.2f} W, max {summary['max_W']:.2f} W, "
-        f"{summary['energy_kWh']:.6f} kWh by {summary['model']} (trained on {summary['trained_on_power']} power)"
-        + (f"; rows in {out}" if out else "")
+        f"{quantity(1000 * summary['energy_kWh'], 'Wh', 4)} by {summary['model']} "
+        f"(trained on {summary['trained_on_power']} power)" + (f"; rows in {out}" if out else "")
     )

@@ -59,7 +59,10 @@ def train(
     seed: Annotated[list[int] | None, typer.Option(help="Random seed; may be given several times (default 1).")] = None,
     epochs: Annotated[int, typer.Option(min=1, help="Passes over all training recordings.")] = 2000,
     batch: Annotated[int, typer.Option(min=1, help="Sequences per optimiser step.")] = 11,
-    rate: Annotated[float, typer.Option(min=1e-6, max=1, help="Learning rate, times 0.9 every 100 epochs.")] = 0.02,
+    rate: Annotated[
+        float,
+        typer.Option("--learning-rate", "--rate", min=1e-6, max=1, help="At the start; times 0.9 every 100 epochs."),
+    ] = 0.02,
     patience: Annotated[
         int | None, typer.Option(min=1, help="Validations without improvement before training stops (default never).")
     ] = None,
@@ -78,7 +81,7 @@ def train(
         typer.Option(help="Prior of grey-box and hybrid: a fleet's file, or what acqd fleet wrote in priors/."),
     ] = None,
     compute: Annotated[Compute, typer.Option(help="Fused C (needs a compiler) or torch.")] = Compute.AUTO,
-    device: Annotated[str, typer.Option(help="Device of torch: cpu or cuda.")] = "cpu",
+    device: Annotated[str, typer.Option("--processor", "--device", help="Of torch: cpu or cuda.")] = "cpu",
     jobs: Annotated[int | None, typer.Option(min=1, help="Trainings in parallel (default one per core).")] = None,
     engine: Annotated[Engine, typer.Option(help="Local processes, or a Ray cluster.")] = Engine.PROCESS,
     ray_address: Annotated[str | None, typer.Option(help="Address of the Ray cluster (default: start one).")] = None,

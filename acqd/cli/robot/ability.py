@@ -29,11 +29,13 @@ def ability(
         float | None,
         typer.Option(min=0.5, max=525_600, help="Minutes to record of that motion (default as long as it is)."),
     ] = None,
+    html: Annotated[Path | None, typer.Option(metavar="FILE", help="Also write the tables as a page.")] = None,
     json: Json = False,
 ) -> None:
     """Show the smallest size of every effect that recordings of a motion can tell, and which effects look alike.
 
-    The power of the recordings to come is predicted by the model, with the residual of its reference.
+    The power of the recordings to come is predicted by the model, with the residual of its reference. A second table
+    says what would help most: more minutes, torques, or a signal that the recordings lack.
 
     Example: acqd robot ability ds0.models/grey-box-everything-s1 --minutes 10
     """
@@ -43,16 +45,31 @@ def ability(
 
     with progress(Console(stderr=True)) as shown:
         planned = beforehand(model, motion, minutes, shown)
+    if html is not None:
+        from acqd.discrepancy.report.beforehand_page import write_page
+
+        write_page(html, planned)
     if json:
-        print(orjson.dumps(planned.as_json(), option=orjson.OPT_SERIALIZE_NUMPY).decode())
+        said = planned.as_json() | ({"page": str(html)} if html else {})
+        print(orjson.dumps(said, option=orjson.OPT_SERIALIZE_NUMPY).decode())
         return
     console = terminal(soft_wrap=False, tables=True)
-    header, *rows = table_of(planned.ability)
-    table = Table(*header)
-    table.columns[0].no_wrap, table.columns[0].min_width = True, max(len(row[0]) for row in [header, *rows])
-    for row in rows:
-        table.add_row(*row)
     console.print(f"{planned.minutes:.1f} min of the motion of {planned.motion}; told from nothing in 95 %")
-    console.print(table)
+    console.print(_folded(table_of(planned.ability)))
     for name, why in planned.ability.unseen:
         console.print(f"not judged: {name} ({why})")
+    console.print(_folded(planned.choices_table))
+    for sentence in planned.says:
+        console.print(sentence)
+    if html is not None:
+        console.print(f"page: {html}", markup=False)
+
+
+def _folded(rows: list[list[str]]) -> Table:
+    """Names in the first column are not folded."""
+    header, *values = rows
+    table = Table(*header)
+    table.columns[0].no_wrap, table.columns[0].min_width = True, max(len(row[0]) for row in rows)
+    for row in values:
+        table.add_row(*row)
+    return table

@@ -10,13 +10,14 @@ from acqd.arrays import Floats
 from acqd.discrepancy.ability.pairs import Rival, rivals_of
 from acqd.discrepancy.ability.smallest import POWER, Smallest, smallest_sizes
 from acqd.discrepancy.selection.ranking import Rows
+from acqd.discrepancy.selection.spread import AS_IT_IS, More
 from acqd.models.effects import library
 from acqd.models.effects.effect import Effect
 from acqd.report.digits import number
 
 HELPS = {
     "rows": "more minutes, here and in the reference; for a constant load or a clock more sessions",
-    "sessions": "more unchanged recordings in the reference: they differ by nearly as much",
+    "sessions": "recordings of another day, and more unchanged ones in the reference: these differ by nearly as much",
     "relevance": "nothing: smaller sizes do not matter",
     "bounds": "another motion: the size that would show exceeds what physics permits",
     "motion": "another motion: the effect never acts in this one",
@@ -44,10 +45,12 @@ class Ability:
         return cls.planned(rows, gate, 1.0, doubled=False)
 
     @classmethod
-    def planned(cls, rows: Rows, gate: Floats, longer: float, *, doubled: bool = True) -> Ability:
+    def planned(
+        cls, rows: Rows, gate: Floats, longer: float, *, doubled: bool = True, more: More = AS_IT_IS
+    ) -> Ability:
         """Of recordings to come: `longer` times the minutes under the gate; `doubled`: also of twice as many."""
-        effects = smallest_sizes(rows, gate, longer)
-        places = tuple(zip(effects, rivals_of(rows, gate, effects, longer), strict=True))
+        effects = smallest_sizes(rows, gate, longer, more)
+        places = tuple(zip(effects, rivals_of(rows, gate, effects, longer, more), strict=True))
         twice = tuple(each.size for each in smallest_sizes(rows, gate, 2 * longer)) if doubled else ()
         return cls(places, _unseen(rows, effects), twice)
 
@@ -83,10 +86,11 @@ def confused(place: Smallest, rivals: tuple[Rival, ...]) -> list[Rival]:
 def smallest_in_words(ability: Ability) -> str:
     """Effects that show best, with their smallest sizes; "" where no size can be stated."""
     places = sorted((place for place, _ in ability.easiest.values()), key=lambda place: place.rms_W or 0.0)
-    return ", ".join(f"{each.candidate.id} {_size(each)}" for each in places[:_IN_WORDS])
+    return ", ".join(f"{each.candidate.id} {size_in_words(each)}" for each in places[:_IN_WORDS])
 
 
-def _size(place: Smallest) -> str:
+def size_in_words(place: Smallest) -> str:
+    """The smallest size with its unit."""
     assert place.size is not None
     _, unit = place.parameter
     return f"{number(place.size)} {unit if unit != '-' else ''}".rstrip()
@@ -108,7 +112,7 @@ def table_of(ability: Ability) -> list[list[str]]:
             [
                 name,
                 place.candidate.label,
-                f"{parameter} {_size(place)}",
+                f"{parameter} {size_in_words(place)}",
                 *([number(size) if (size := twice[place.candidate.key]) is not None else "-"] if twice else []),
                 number(place.rms_W),
                 place.limited_by,

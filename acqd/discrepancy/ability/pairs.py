@@ -24,6 +24,7 @@ from acqd.discrepancy.regression.gram import Indices
 from acqd.discrepancy.regression.least_squares import LEAST_POWER, Competition
 from acqd.discrepancy.selection.judging import kinds_of
 from acqd.discrepancy.selection.ranking import Rows, acts, part_of, prior_of
+from acqd.discrepancy.selection.spread import AS_IT_IS, More
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.discrepancy.thresholds.chance import by_chance
 
@@ -41,12 +42,14 @@ class Rival:
     """Of the effect, from which the two are told apart; None: from no size on, they are a family."""
 
 
-def rivals_of(rows: Rows, gate: Floats, effects: list[Smallest], longer: float = 1.0) -> list[tuple[Rival, ...]]:
+def rivals_of(
+    rows: Rows, gate: Floats, effects: list[Smallest], longer: float = 1.0, more: More = AS_IT_IS
+) -> list[tuple[Rival, ...]]:
     """Per effect its rivals, one for each other effect of the library, the closest first."""
     candidates = [each for each in rows.design.columns.candidates if each.id]
     if not effects:
         return []
-    used, competition = competition_of(rows, gate, candidates, longer)
+    used, competition = competition_of(rows, gate, candidates, longer, more)
     explained = _explained(rows, used, competition, effects, candidates)
     kinds = kinds_of(rows.design.columns.candidates)
     witness = rows.design.witness

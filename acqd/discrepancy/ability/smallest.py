@@ -25,7 +25,7 @@ from acqd.discrepancy.regression.gram import Indices
 from acqd.discrepancy.regression.least_squares import Competition
 from acqd.discrepancy.selection.judging import kinds_of
 from acqd.discrepancy.selection.ranking import Finding, Rows, acts, bounds_of, part_of, posterior, prior_of
-from acqd.discrepancy.selection.spread import power_rms, sessions_of, variances_of_sessions
+from acqd.discrepancy.selection.spread import AS_IT_IS, More, power_rms, sessions_of, variances_of_sessions
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.discrepancy.thresholds.chance import by_chance
 
@@ -70,13 +70,16 @@ def single_effects(rows: Rows) -> list[Candidate]:
     return [each for each in rows.design.columns.candidates if each.id and each.size == 1]
 
 
-def competition_of(rows: Rows, gate: Floats, candidates: list[Candidate], longer: float) -> tuple[Indices, Competition]:
+def competition_of(
+    rows: Rows, gate: Floats, candidates: list[Candidate], longer: float, more: More = AS_IT_IS
+) -> tuple[Indices, Competition]:
     """Columns of candidates, and their Schur complement under a gate [blocks] that counts `longer` times."""
     used = np.unique(np.concatenate([each.indices for each in candidates]))
-    return used, rows.regression.compete(used, gate, 1 + (longer - 1) * gate)
+    reference = 1 - rows.design.columns.in_question
+    return used, rows.regression.compete(used, gate, 1 + (longer - 1) * gate + (more.reference - 1) * reference)
 
 
-def smallest_sizes(rows: Rows, gate: Floats, longer: float = 1.0) -> list[Smallest]:
+def smallest_sizes(rows: Rows, gate: Floats, longer: float = 1.0, more: More = AS_IT_IS) -> list[Smallest]:
     """Of all effects with one parameter under a gate [blocks]; `longer`: times the recorded minutes.
 
     More minutes say more of what differs within them; the level of the session stays as uncertain as the prior says.
@@ -86,11 +89,11 @@ def smallest_sizes(rows: Rows, gate: Floats, longer: float = 1.0) -> list[Smalle
     if not candidates:
         return []
     design, weights = rows.design, longer * gate
-    used, competition = competition_of(rows, gate, candidates, longer)
+    used, competition = competition_of(rows, gate, candidates, longer, more)
     units = [Finding(candidate, np.ones(1), np.zeros(1), 0.0) for candidate in candidates]
     spreads = [(0.0, 1.0)] * len(units)  # without a reference to differ from
     if sessions_of(design.parts, in_question=False):
-        spreads = variances_of_sessions(design, rows.regression, units, weights)
+        spreads = variances_of_sessions(design, rows.regression, units, weights, more)
     kinds = kinds_of(design.columns.candidates)
     found = []
     for unit, spread in zip(units, spreads, strict=True):

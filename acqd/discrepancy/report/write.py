@@ -14,7 +14,6 @@ from acqd.discrepancy.repair import torque_scale
 from acqd.discrepancy.repair.refit import groups_of
 from acqd.discrepancy.report.page import write_report
 from acqd.discrepancy.report.summary import as_json
-from acqd.errors import UserError
 from acqd.models.bundle.bundle import Bundle, save_bundle
 from acqd.models.bundle.reference import reference_arrays
 from acqd.models.greybox.bundle_io import arrays_of
@@ -22,12 +21,6 @@ from acqd.models.greybox.model import GreyBox
 from acqd.report.chain import REPORT, connect
 
 BUNDLE = "model"
-
-
-def require_writable(folder: Path) -> None:
-    """A folder that is absent, empty or an earlier report. Raises UserError."""
-    if folder.exists() and not (folder / "report.json").exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise UserError(f"{folder} exists and is not an earlier report: it would be lost; choose another --out")
 
 
 def write_all(config: CloseConfig, closed: Closed) -> None:

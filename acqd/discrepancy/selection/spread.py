@@ -13,6 +13,7 @@ estimated, each with a prior that counts as a few sessions, so that few sessions
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +29,19 @@ from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.models.effects import library
 from acqd.models.effects.clocks import slope
 from acqd.models.segments import Segment
+
+
+@dataclass(frozen=True, slots=True)
+class More:
+    """Times the recordings that there are, for what more of them would tell."""
+
+    days: float = 1.0
+    """Of the recordings in question."""
+    reference: float = 1.0
+    """Unchanged sessions to compare with."""
+
+
+AS_IT_IS = More()
 
 
 def learning_rate(design: Design, regression: Regression) -> float:
@@ -76,31 +90,33 @@ def variance_of_sessions(design: Design, regression: Regression, finding: Findin
 
 
 def variances_of_sessions(
-    design: Design, regression: Regression, findings: Sequence[Finding], gate: Floats
+    design: Design, regression: Regression, findings: Sequence[Finding], gate: Floats, more: More = AS_IT_IS
 ) -> list[tuple[float, float]]:
     """The same of several findings, whose columns are projected once a session."""
     return [
         (
-            variance_of(design, amplitudes, information, _usual_amplitude(design, finding), gate),
-            THRESHOLDS.few_sessions + len(amplitudes),
+            variance_of(design, amplitudes, information, _usual_amplitude(design, finding), gate, more),
+            THRESHOLDS.few_sessions + more.reference * len(amplitudes),
         )
         for finding, (amplitudes, information) in zip(findings, _amplitudes(design, regression, findings), strict=True)
     ]
 
 
-def variance_of(design: Design, amplitudes: Floats, information: Floats, usual: float, gate: Floats) -> float:
+def variance_of(
+    design: Design, amplitudes: Floats, information: Floats, usual: float, gate: Floats, more: More = AS_IT_IS
+) -> float:
     """The variance by sizes in single sessions of the reference [sessions] and their information [sessions]."""
-    weight = THRESHOLDS.few_sessions
+    weight, known = THRESHOLDS.few_sessions, more.reference * len(amplitudes)
     excess = max(float(information @ amplitudes**2) - len(amplitudes), 0.0)
     measured = excess / information.sum() if len(amplitudes) else 0.0
-    variance = (weight * usual**2 + len(amplitudes) * measured) / (weight + len(amplitudes))
+    variance = (weight * usual**2 + known * measured) / (weight + known)
     before = len(sessions_of(design.parts, in_question=False))
     rows, in_question = design.blocks.rows, design.columns.in_question
     as_long = float(rows @ (gate * in_question)) / (float(rows @ (1 - in_question)) / before)
     open_ = [part for part, acting in zip(design.parts, gate, strict=True) if acting]
     logs = len(sessions_of(open_, in_question=True))
     days = len({design.columns.segments[part.segment].session for part in open_ if part.in_question})
-    return variance * (1 / before + 1 / max(logs, as_long, 1.0) + 1 / max(days, 1))
+    return variance * (1 / (more.reference * before) + 1 / max(logs, as_long, 1.0) + 1 / (more.days * max(days, 1)))
 
 
 def _amplitudes(design: Design, regression: Regression, findings: Sequence[Finding]) -> list[tuple[Floats, Floats]]:

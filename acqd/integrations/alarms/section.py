@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from acqd.daemon.section import Port
+from acqd.daemon.section import Host, Port
 from acqd.energy.budget_section import Budget
 from acqd.section import FileName, Section
 
@@ -22,7 +22,7 @@ class AlarmsSection(Section):
     webhooks: list[_Url] = Field(default_factory=list, repr=False)
     mail_to: list[_Address] = Field(default_factory=list)
     mail_from: _Address = "acqd@localhost.localdomain"
-    smtp_host: Annotated[str, Field(min_length=1)] = "127.0.0.1"
+    smtp_host: Host = "127.0.0.1"
     smtp_port: Port = 25
     smtp_tls: Literal["none", "starttls", "tls"] = "none"
     smtp_username: str | None = None

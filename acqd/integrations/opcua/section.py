@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
 from pydantic import Field, model_validator
 
 from acqd.daemon.quality_section import BridgedQuality
-from acqd.daemon.section import Port, Positive
+from acqd.daemon.section import Host, Port, Positive
 from acqd.section import FileName, Section
 from acqd.telemetry.mqtt import is_loopback
 
@@ -17,7 +15,7 @@ class OpcUaSection(Section):
 
     must_exist = ("certificate", "key")
 
-    host: Annotated[str, Field(min_length=1)] = "127.0.0.1"
+    host: Host = "127.0.0.1"
     port: Port = 4840
     certificate: FileName | None = None
     """With `key`: connections are signed and encrypted (Basic256Sha256)."""

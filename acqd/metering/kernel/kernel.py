@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +19,7 @@ from acqd.metering.kernel.layout import (
     BEND,
     FIRST,
     FLAGS,
+    LANES,
     MAGNITUDE,
     NO_TRIAL,
     QUANTITIES,
@@ -32,10 +34,13 @@ from acqd.metering.piece import Piece
 from acqd.metering.trial import Trial
 
 __all__ = ["Kernel", "Metered", "why_not"]
+LiveMetered = tuple[float, int, list[float], list[float]]
+"""Of one window: f [Hz], mark as in `Metered.marks`, VRMS to REACTIVE of `layout` of all phases each, and kWh: imported
+of all phases, then exported. A tuple, for an object takes longer to make."""
 _MOST_TRIALS = 256  # 5 Hz of wander; 16 MB at 1200 samples
 _KEPT = ("trial", "last", "change", "apart", "known", "follows")
 """Fields of the state that one window leaves for the next."""
-_PADDING = np.zeros(8)  # the kernel reads whole vectors
+_LONGEST = 256  # samples of a piece, as in C
 
 
 @dataclass(slots=True)
@@ -61,20 +66,6 @@ class Metered:
     def marks(self) -> list[int]:
         """[windows] bits 0 to 3: phases without mains; bits 4 to 7: phases over range; UNSETTLED."""
         return [int(mark) for mark in self.rows[FLAGS].tolist()]
-
-
-@dataclass(slots=True)
-class LiveMetered:
-    """Quantities of one window."""
-
-    f: float
-    """Hz."""
-    mark: int
-    """As in `Metered.marks`."""
-    quantities: list[float]
-    """VRMS to REACTIVE of `layout`, of all phases each."""
-    readings: list[float]
-    """kWh: imported of all phases, then exported."""
 
 
 class Kernel:
@@ -160,7 +151,7 @@ class Kernel:
             self._undo(self._live_at)
             return None
         marks = int(mark) | UNSETTLED if held.unsettled else int(mark)
-        return LiveMetered(f, marks, rest[phases:], energy.add_window(rest[:phases]))
+        return f, marks, rest[phases:], energy.add_window(rest[:phases])
 
     def meter_quiet(self, buffer: Codes, begin: int, end: int, energy: EnergyRegister) -> LiveMetered | None:
         """As `meter_live`, for a window without mains that follows one: no f is searched. None for all others."""
@@ -170,7 +161,7 @@ class Kernel:
             return None
         numbers, phases = self._one.tolist(), self._phases
         f, mark, rest = numbers[F], int(numbers[FLAGS]), numbers[FIRST:]
-        return LiveMetered(f, mark, rest[phases:], energy.add_window(rest[:phases]))
+        return f, mark, rest[phases:], energy.add_window(rest[:phases])
 
     def _point_at(self, buffer: Codes, begin: int, end: int) -> bool:
         """Let the kernel read this window of this buffer; whether the buffer is one of this stream."""
@@ -218,18 +209,52 @@ class Kernel:
         if len(self._trials) >= _MOST_TRIALS:
             self._trials.clear()
             self._table[:] = 0
-        packed = _packed(self._estimator.at(point), self._phases)
+        packed = _packed(self._estimator.at(point))
         self._trials[point] = packed
         self._table[point - self._first] = packed.ctypes.data
 
 
-def _packed(trial: Trial, phases: int) -> Floats:
-    """Vectors in the order of `WEIGHT` in C, edges in rising order, which edge is which, first sample of the cycles."""
-    columns = np.concatenate((trial.projection, trial.turn))
-    edges = np.minimum(trial.edges.ravel(), trial.turn.shape[1])
-    order = np.argsort(edges, kind="stable")
-    weights = columns.ravel(order="F" if phases > 2 else "C")
-    return np.concatenate((weights, edges[order], order, (trial.first,), _PADDING))
+def _packed(trial: Trial) -> Floats:
+    """The vectors of a trial as `window.c` takes them: a table of the pieces, then their weights, aligned."""
+    pieces = list(_pieces(trial))
+    table = np.zeros(_padded(1 + sum(len(numbers) for _, numbers in pieces)))
+    table[0] = len(pieces)
+    table[1 : 1 + 5 * len(pieces)] = [number for _, numbers in pieces for number in numbers]
+    stretch = np.concatenate((trial.projection[4:], trial.turn))
+    weights = [table]
+    for samples, (count, in_cycles, *_) in pieces:
+        columns = stretch[:, samples]
+        if in_cycles:
+            columns = np.concatenate((columns, trial.projection[:4, samples]))
+        weights.append(np.pad(columns, ((0, 0), (0, _padded(int(count)) - int(count)))).ravel())
+    return _aligned(np.concatenate(weights))
+
+
+def _pieces(trial: Trial) -> Iterator[tuple[slice, tuple[float, float, float, float, float]]]:
+    """Samples of each piece, and its numbers in `window.c`."""
+    samples = trial.turn.shape[1]
+    edges = np.minimum(trial.edges.ravel(), samples).tolist()
+    begin = 0
+    for end, edge in sorted([*((end, number) for number, end in enumerate(edges)), (trial.first, -1), (samples, -1)]):
+        stop = int(end)
+        while stop - begin > _LONGEST:
+            yield slice(begin, begin + _LONGEST), (_LONGEST, begin >= trial.first, -1, 0.0, 0.0)
+            begin += _LONGEST
+        cos, sin = (end - stop) * trial.turn[:, stop] if stop < samples else (0.0, 0.0)
+        yield slice(begin, stop), (stop - begin, begin >= trial.first, edge, cos, sin)
+        begin = stop
+
+
+def _padded(count: int) -> int:
+    return -(-count // LANES) * LANES
+
+
+def _aligned(numbers: Floats) -> Floats:
+    """A copy at an address that whole vectors may begin at."""
+    room = np.empty(len(numbers) + LANES)
+    first = -room.ctypes.data // 8 % LANES
+    room[first : first + len(numbers)] = numbers
+    return room[first : first + len(numbers)]
 
 
 def _form(

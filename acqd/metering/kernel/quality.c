@@ -13,21 +13,6 @@
 #define GROUPS (LANES / NATIVE)
 #define RESYNC 64
 
-INLINE native at(const double *x)
-{
-    native v;
-    memcpy(&v, x, sizeof v);
-    return v;
-}
-
-INLINE double total(native v)
-{
-    double sum = 0;
-    for (int lane = 0; lane < NATIVE; lane++)
-        sum += v[lane];
-    return sum;
-}
-
 /* x [channels][samples] as rows [samples][LANES], the rest of them zero. */
 INLINE void side_by_side(const double *x, int64_t channels, int64_t stride, int64_t samples, double *even)
 {

@@ -1,10 +1,11 @@
-/* Quantities of a window of 1 to 4 phases: f, sums over whole cycles, energy, reactive power of the fundamentals.
+/* Quantities of a window of 1 to 3 phases: f, sums over whole cycles, energy, reactive power of the fundamentals.
 
    The same arithmetic as the numpy path (acqd/metering/meter.py), for windows without anything unusual: whatever
    is unusual (no history yet, f not credible, bent phase, dead mains, a trial frequency whose vectors are not there)
    ends the call before that window, and the caller takes over.
 
-   A vector holds the channels of 8 / channels samples. Samples are interleaved: U1, I1, U2, I2 ... */
+   Samples are interleaved: U1, I1, U2, I2 ... They are taken apart into channels piece by piece: a piece and the vectors
+   of a trial for it, which all phases share, stay in the innermost cache. */
 
 #include <math.h>
 #include <stddef.h>
@@ -13,9 +14,10 @@
 
 #include "vectors.h"
 
+#define PHASES (CHANNELS / 2)
 #define PHASORS 7
 #define EDGES (2 * PHASORS)
-#define COLUMNS 10 /* projection on Re c, -Im c, Re d, -Im d, Re d and -Im d of the stretch, Re k, -Im k; cos, sin */
+#define LONGEST 256 /* samples of a piece */
 
 enum { DONE, NO_HISTORY, NO_TRIAL, UNUSUAL };
 
@@ -32,180 +34,182 @@ struct state {
     int64_t known, follows, reason, point;
 };
 
-/* Vectors of a trial: COLUMNS x fit doubles, EDGES positions in rising order, EDGES numbers of phasors (begin: j, end:
-   PHASORS + j), the first sample of the two cycles, and room to read beyond. Where a vector holds one sample, the weights of a sample are neighbours;
-   otherwise those of a column are. */
-#if CHANNELS > 4
-#define WEIGHT(column, sample) ((sample)*COLUMNS + (column))
-#else
-#define WEIGHT(column, sample) ((column)*samples + (sample))
-#endif
+/* Vectors of a trial frequency, as kernel.py packs them: the number of pieces of the stretch, then a `struct piece` for
+   each. From the next multiple of LANES on, the weights of the samples of each piece, in columns that are filled up with
+   zeros to a multiple of LANES: for Re d, -Im d of the stretch, Re k, -Im k, cos, sin, and, in the cycles, Re c, -Im c,
+   Re d, -Im d. Pieces end where a one-cycle phasor begins or ends, and where the two cycles begin. */
+struct piece {
+    double samples, in_cycles; /* whether c and d of the cycles have weights */
+    double edge;               /* with which it ends: j for the begin of phasor j, PHASORS + j for its end; -1: neither */
+    double cos, sin;           /* of the next sample, times the share of it that lies before the edge */
+};
+#define PADDED(n) (((n) + LANES - 1) / LANES * LANES)
+#define OF_STRETCH 6
+#define OF_CYCLES 4
 
-struct sums {
-    vec square, cross, plain, most, least;
+/* Running sums: of the projection, where d is of the cycles, e of the stretch, k of a kink; of the voltages and of their
+   squares. */
+struct projection {
+    native c[CHANNELS][2], d[PHASES][2], e[PHASES][2], k[PHASES][2], turn[PHASES][2], plain[PHASES], square[PHASES];
 };
 
 struct fit {
-    vec re_c, im_c, re_d, im_d, re_e, im_e, re_k, im_k, cos, sin; /* d of the cycles, e of the stretch, k of a kink */
+    double c[CHANNELS][2], d[PHASES][2], e[PHASES][2], k[PHASES][2]; /* Re, -Im */
+    double ac; /* power of the voltages without their means */
 };
 
-/* Samples whose sums are known; before the two cycles, where c and d have no weight; between these and the window; of
-   the window. */
-enum part { NO_SUMS, EARLY, BEFORE, INSIDE };
+/* Running sums of products, and extremes. Zero is between these: channels are filled up with zeros. */
+struct products {
+    native square[CHANNELS], cross[PHASES], most[CHANNELS], least[CHANNELS];
+};
 
-INLINE struct fit with_sample(struct fit f, vec x, enum part part, const double *trial, int64_t n, int64_t samples,
-                              int channels)
+struct sums {
+    double square[CHANNELS], cross[PHASES], most[CHANNELS], least[CHANNELS];
+};
+
+/* Samples of a piece by channels, with zeros behind. */
+typedef double channels[CHANNELS][LONGEST + 2 * LANES];
+
+INLINE double code_at(const void *codes, int bits, int64_t at)
 {
-    if (part != EARLY) {
-        f.re_c += x * spread(trial + WEIGHT(0, n), channels);
-        f.im_c += x * spread(trial + WEIGHT(1, n), channels);
-        f.re_d += x * spread(trial + WEIGHT(2, n), channels);
-        f.im_d += x * spread(trial + WEIGHT(3, n), channels);
-    }
-    f.re_e += x * spread(trial + WEIGHT(4, n), channels);
-    f.im_e += x * spread(trial + WEIGHT(5, n), channels);
-    f.re_k += x * spread(trial + WEIGHT(6, n), channels);
-    f.im_k += x * spread(trial + WEIGHT(7, n), channels);
-    f.cos += x * spread(trial + WEIGHT(8, n), channels);
-    f.sin += x * spread(trial + WEIGHT(9, n), channels);
-    return f;
+    return bits == 16   ? (double)((const int16_t *)codes)[at]
+           : bits == 32 ? (double)((const int32_t *)codes)[at]
+                        : ((const double *)codes)[at];
 }
 
-INLINE struct sums with_products(struct sums s, vec x, enum part part)
+INLINE void put(double *x, native v)
 {
-    if (part == NO_SUMS)
-        return s;
-    s.square += x * x;
-    s.plain += x;
-    if (part == INSIDE) {
-        s.cross += x * swapped(x);
-        s.most = larger(x, s.most);
-        s.least = smaller(x, s.least);
-    }
-    return s;
+    memcpy(x, &v, sizeof v);
 }
 
-/* Samples from .. to into the projection and into the sums of their part of the stretch; reads one sample beyond. One
-   part of the channels after the other, so that all that is summed up stays in registers. */
-INLINE void take_many(struct fit *f, struct sums *s, enum part part, const void *codes, int bits, int channels,
-                      int64_t samples, ptrdiff_t from, ptrdiff_t to, const double *trial)
+/* 2 * NATIVE samples of 16 bits: u and i of a phase are the halves of a number of 32 bits, which are shuffled. */
+INLINE void take_apart_pairs(channels x, int64_t n, const int16_t *codes)
 {
-    const int each = channels >= NATIVE ? 1 : NATIVE / channels;
+    const native_ints zero = {0}, width = zero + 2 * NATIVE;
+    native_ints count = zero, all[3] = {zero, zero, zero};
+    for (int k = 0; k < 2 * NATIVE; k++)
+        count[k] = k;
+    memcpy(all, codes, PHASES * sizeof *all);
 #pragma GCC unroll 3
-    for (int p = 0; NATIVE * p < channels; p++) {
-        native re_c = lanes(&f->re_c, p), im_c = lanes(&f->im_c, p), re_d = lanes(&f->re_d, p);
-        native im_d = lanes(&f->im_d, p), re_e = lanes(&f->re_e, p), im_e = lanes(&f->im_e, p);
-        native re_k = lanes(&f->re_k, p), im_k = lanes(&f->im_k, p);
-        native cos = lanes(&f->cos, p), sin = lanes(&f->sin, p);
-        native square = lanes(&s->square, p), cross = lanes(&s->cross, p), plain = lanes(&s->plain, p);
-        native most = lanes(&s->most, p), least = lanes(&s->least, p);
-        for (ptrdiff_t n = from; n < to; n += each) {
-            const native x = native_load(codes, bits, n * channels + NATIVE * p);
-            if (part != EARLY) {
-                re_c += x * native_spread(trial + WEIGHT(0, n), each);
-                im_c += x * native_spread(trial + WEIGHT(1, n), each);
-                re_d += x * native_spread(trial + WEIGHT(2, n), each);
-                im_d += x * native_spread(trial + WEIGHT(3, n), each);
-            }
-            re_e += x * native_spread(trial + WEIGHT(4, n), each);
-            im_e += x * native_spread(trial + WEIGHT(5, n), each);
-            re_k += x * native_spread(trial + WEIGHT(6, n), each);
-            im_k += x * native_spread(trial + WEIGHT(7, n), each);
-            cos += x * native_spread(trial + WEIGHT(8, n), each);
-            sin += x * native_spread(trial + WEIGHT(9, n), each);
-            if (part == NO_SUMS)
-                continue;
-            square += x * x;
-            plain += x;
-            if (part == INSIDE) {
-                cross += x * native_swapped(x);
-                most = native_larger(x, most);
-                least = native_smaller(x, least);
-            }
+    for (int p = 0; p < PHASES; p++) {
+        const native_ints place = count * PHASES + p, first = place < 2 * width;
+        const native_ints two = __builtin_shuffle(all[0], all[1], place & first);
+        const native_ints pairs = __builtin_shuffle(two, all[2], (count & first) | ((place - width) & ~first));
+        const native_ints u = (native_ints)((native_uints)pairs << 16) >> 16, i = pairs >> 16;
+        for (int half = 0; half < 2 * NATIVE; half += NATIVE) {
+            put(x[2 * p] + n + half, native_load(&u, 32, half));
+            put(x[2 * p + 1] + n + half, native_load(&i, 32, half));
         }
-        set_lanes(&f->re_c, p, re_c);
-        set_lanes(&f->im_c, p, im_c);
-        set_lanes(&f->re_d, p, re_d);
-        set_lanes(&f->im_d, p, im_d);
-        set_lanes(&f->re_e, p, re_e);
-        set_lanes(&f->im_e, p, im_e);
-        set_lanes(&f->re_k, p, re_k);
-        set_lanes(&f->im_k, p, im_k);
-        set_lanes(&f->cos, p, cos);
-        set_lanes(&f->sin, p, sin);
-        set_lanes(&s->square, p, square);
-        set_lanes(&s->cross, p, cross);
-        set_lanes(&s->plain, p, plain);
-        set_lanes(&s->most, p, most);
-        set_lanes(&s->least, p, least);
     }
 }
 
-/* Samples from .. to of the stretch, into the projection and the sums of their part of it. */
-INLINE void take(struct fit *fit, struct sums *sums, enum part part, const void *codes, int bits, int channels,
-                 int64_t samples, ptrdiff_t from, ptrdiff_t to, const double *trial)
+/* Samples from .. to, at most LONGEST, of `samples`, by channels. */
+INLINE void take_apart(channels x, const void *codes, int bits, int64_t samples, int64_t from, int64_t to)
 {
-    const int each = channels >= NATIVE ? 1 : NATIVE / channels;
-    const ptrdiff_t whole = to < samples ? to : samples - 1; /* after the last sample there is nothing to read */
-    const ptrdiff_t many = whole > from ? (whole - from) / each * each : 0;
-    take_many(fit, sums, part, codes, bits, channels, samples, from, from + many, trial);
-    for (ptrdiff_t n = from + many; n < to; n++) { /* other lanes are 0, which is between least and most */
-        const vec x = load(codes, bits, n * channels, channels);
-        *fit = with_sample(*fit, x, part, trial, n, samples, channels);
-        *sums = with_products(*sums, x, part);
+    int64_t n = from;
+#if __BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__
+    if (bits == 16)
+        for (; n < to && n + 2 * NATIVE <= samples; n += 2 * NATIVE)
+            take_apart_pairs(x, n - from, (const int16_t *)codes + n * CHANNELS);
+#endif
+    for (; n < to; n++)
+        for (int c = 0; c < CHANNELS; c++)
+            x[c][n - from] = code_at(codes, bits, n * CHANNELS + c);
+    for (int c = 0; c < CHANNELS; c++)
+        for (int k = 0; k < LANES; k += NATIVE)
+            put(x[c] + to - from + k, (native){0});
+}
+
+/* A piece into the projection; `weights` are its own. All that is summed up in a loop stays in registers. */
+INLINE void project(struct projection *f, const channels x, int64_t samples, int in_cycles, const double *weights)
+{
+    const int64_t length = PADDED(samples);
+    const double *cycles = weights + OF_STRETCH * length;
+    for (int p = 0; p < PHASES; p++) {
+        const double *u = x[2 * p], *i = x[2 * p + 1];
+        native re_e = f->e[p][0], im_e = f->e[p][1], re_k = f->k[p][0], im_k = f->k[p][1];
+        native cos = f->turn[p][0], sin = f->turn[p][1], plain = f->plain[p], square = f->square[p];
+        for (int64_t n = 0; n < length; n += NATIVE) {
+            const native v = at(u + n);
+            const double *w = weights + n;
+            re_e += v * at(w);
+            im_e += v * at(w + length);
+            re_k += v * at(w + 2 * length);
+            im_k += v * at(w + 3 * length);
+            cos += v * at(w + 4 * length);
+            sin += v * at(w + 5 * length);
+            plain += v;
+            square += v * v;
+        }
+        f->e[p][0] = re_e, f->e[p][1] = im_e, f->k[p][0] = re_k, f->k[p][1] = im_k;
+        f->turn[p][0] = cos, f->turn[p][1] = sin, f->plain[p] = plain, f->square[p] = square;
+        if (!in_cycles)
+            continue;
+        native re_u = f->c[2 * p][0], im_u = f->c[2 * p][1], re_i = f->c[2 * p + 1][0], im_i = f->c[2 * p + 1][1];
+        native re_d = f->d[p][0], im_d = f->d[p][1];
+        for (int64_t n = 0; n < length; n += NATIVE) {
+            const native v = at(u + n), a = at(i + n), re = at(cycles + n), im = at(cycles + length + n);
+            re_u += v * re;
+            im_u += v * im;
+            re_i += a * re;
+            im_i += a * im;
+            re_d += v * at(cycles + 2 * length + n);
+            im_d += v * at(cycles + 3 * length + n);
+        }
+        f->c[2 * p][0] = re_u, f->c[2 * p][1] = im_u, f->c[2 * p + 1][0] = re_i, f->c[2 * p + 1][1] = im_i;
+        f->d[p][0] = re_d, f->d[p][1] = im_d;
     }
 }
 
-/* Projection of `samples` samples; integrals of cos and sin up to each edge, [EDGES][2]. Unless they are `known`, sums
-   of the samples before number `inside` and, with all that a window needs, from there on. One pass over the samples. */
-INLINE struct fit project(vec edges[EDGES][2], struct sums *before, struct sums *window, int known, const void *codes,
-                          int bits, int channels, int64_t samples, int64_t inside, const double *trial)
+/* Samples from .. `samples` of a piece into the sums. */
+INLINE void add_products(struct products *s, const channels x, int64_t from, int64_t samples)
 {
-    const double *position = trial + COLUMNS * samples, *number = position + EDGES;
-    const int64_t begun = (int64_t)number[EDGES] < inside ? (int64_t)number[EDGES] : inside;
-    struct fit f = {0};
-    ptrdiff_t n = 0;
-    for (int e = 0; e <= EDGES; e++) {
-        const ptrdiff_t stop = e < EDGES ? (ptrdiff_t)position[e] : samples;
-        if (known && n < stop) {
-            take(&f, before, NO_SUMS, codes, bits, channels, samples, n, stop, trial);
-            n = stop;
+    for (int p = 0; p < PHASES; p++) {
+        const int c = 2 * p;
+        native uu = s->square[c], ii = s->square[c + 1], ui = s->cross[p], high_u = s->most[c], low_u = s->least[c];
+        native high_i = s->most[c + 1], low_i = s->least[c + 1];
+        for (int64_t n = from; n < samples; n += NATIVE) {
+            const native u = at(x[c] + n), i = at(x[c + 1] + n);
+            uu += u * u;
+            ii += i * i;
+            ui += u * i;
+            high_u = native_larger(u, high_u);
+            low_u = native_smaller(u, low_u);
+            high_i = native_larger(i, high_i);
+            low_i = native_smaller(i, low_i);
         }
-        const ptrdiff_t early = stop < begun ? stop : begun, first = stop < inside ? stop : inside;
-        if (n < early) {
-            take(&f, before, EARLY, codes, bits, channels, samples, n, early, trial);
-            n = early;
-        }
-        if (n < first) {
-            take(&f, before, BEFORE, codes, bits, channels, samples, n, first, trial);
-            n = first;
-        }
-        if (n < stop) {
-            take(&f, window, INSIDE, codes, bits, channels, samples, n, stop, trial);
-            n = stop;
-        }
-        if (e == EDGES)
-            break;
-        const int place = (int)number[e];
-        const double share = position[e] - (double)stop;
-        vec cosine = fold(f.cos, channels), sine = fold(f.sin, channels);
-        if (stop < samples) {
-            const vec x = load(codes, bits, stop * channels, channels) * share;
-            cosine += x * trial[WEIGHT(8, stop)];
-            sine += x * trial[WEIGHT(9, stop)];
-        }
-        edges[place][0] = cosine;
-        edges[place][1] = sine;
+        s->square[c] = uu, s->square[c + 1] = ii, s->cross[p] = ui, s->most[c] = high_u, s->least[c] = low_u;
+        s->most[c + 1] = high_i, s->least[c + 1] = low_i;
     }
-    f.re_c = fold(f.re_c, channels);
-    f.im_c = fold(f.im_c, channels);
-    f.re_d = fold(f.re_d, channels);
-    f.im_d = fold(f.im_d, channels);
-    f.re_e = fold(f.re_e, channels);
-    f.im_e = fold(f.im_e, channels);
-    f.re_k = fold(f.re_k, channels);
-    f.im_k = fold(f.im_k, channels);
-    return f;
+}
+
+INLINE struct sums totals(const struct products *s)
+{
+    struct sums all;
+    for (int c = 0; c < CHANNELS; c++) {
+        all.square[c] = total(s->square[c]);
+        all.most[c] = all.least[c] = 0;
+        for (int lane = 0; lane < NATIVE; lane++) {
+            all.most[c] = fmax(all.most[c], s->most[c][lane]);
+            all.least[c] = fmin(all.least[c], s->least[c][lane]);
+        }
+    }
+    for (int p = 0; p < PHASES; p++)
+        all.cross[p] = total(s->cross[p]);
+    return all;
+}
+
+/* Sums over the samples from .. to. */
+INLINE struct sums range_sums(const void *codes, int bits, int64_t samples, int64_t from, int64_t to)
+{
+    struct products s = {0};
+    channels x;
+    for (int64_t n = from; n < to; n += LONGEST) {
+        const int64_t stop = n + LONGEST < to ? n + LONGEST : to;
+        take_apart(x, codes, bits, samples, n, stop);
+        add_products(&s, x, 0, stop - n);
+    }
+    return totals(&s);
 }
 
 /* What the one-cycle phasors say: distance of a phase from the parabola through all [rad], the largest; half of what
@@ -215,14 +219,14 @@ struct cycles {
     double bend, swell, kink, growth;
 };
 
-static struct cycles cycles_of(vec edges[EDGES][2], int channels, const double *bend)
+static struct cycles cycles_of(double edges[EDGES][PHASES][2], const double *bend)
 {
     double joint[PHASORS][2] = {{0}}, phase[PHASORS], largest = 0, least = INFINITY, most = 0;
-    for (int c = 0; c < channels; c += 2) {
+    for (int p = 0; p < PHASES; p++) {
         double re[PHASORS], im[PHASORS], mean_re = 0, mean_im = 0;
         for (int j = 0; j < PHASORS; j++) {
-            re[j] = edges[PHASORS + j][0][c] - edges[j][0][c];
-            im[j] = edges[j][1][c] - edges[PHASORS + j][1][c];
+            re[j] = edges[PHASORS + j][p][0] - edges[j][p][0];
+            im[j] = edges[j][p][1] - edges[PHASORS + j][p][1];
             mean_re += re[j];
             mean_im += im[j];
         }
@@ -265,15 +269,67 @@ static double joint(const struct form *form, struct state *s, double cycles, dou
     return stretch + x * (share + (1 - share) * (fourth / (fourth + noise)));
 }
 
+/* One pass over the `samples` samples of the stretch: their projection, integrals of cos and sin up to each edge, and,
+   where `window` is not NULL, the sums from sample `inside` on. */
+INLINE struct fit pass(const double *trial, const void *codes, int bits, int64_t samples, int64_t inside,
+                       double edges[EDGES][PHASES][2], struct sums *window)
+{
+    const int64_t count = (int64_t)trial[0];
+    const struct piece *pieces = (const struct piece *)(trial + 1);
+    const double *weights = trial + PADDED(1 + count * (int64_t)(sizeof *pieces / sizeof *trial));
+    struct projection f = {0};
+    struct products products = {0};
+    channels x;
+    int64_t n = 0;
+    for (const struct piece *piece = pieces; piece < pieces + count; piece++) {
+        const int64_t length = (int64_t)piece->samples, end = n + length;
+        if (length) {
+            take_apart(x, codes, bits, samples, n, end);
+            project(&f, x, length, piece->in_cycles != 0, weights);
+            weights += PADDED(length) * (piece->in_cycles ? OF_STRETCH + OF_CYCLES : OF_STRETCH);
+            if (window && end > inside)
+                add_products(&products, x, n < inside ? inside - n : 0, length);
+            n = end;
+        }
+        if (piece->edge < 0)
+            continue;
+        for (int p = 0; p < PHASES; p++) {
+            const double next = n < samples ? code_at(codes, bits, n * CHANNELS + 2 * p) : 0;
+            edges[(int)piece->edge][p][0] = total(f.turn[p][0]) + next * piece->cos;
+            edges[(int)piece->edge][p][1] = total(f.turn[p][1]) + next * piece->sin;
+        }
+    }
+    if (window)
+        *window = totals(&products);
+    struct fit fit = {0};
+    for (int part = 0; part < 2; part++) {
+        for (int c = 0; c < CHANNELS; c++)
+            fit.c[c][part] = total(f.c[c][part]);
+        for (int p = 0; p < PHASES; p++) {
+            fit.d[p][part] = total(f.d[p][part]);
+            fit.e[p][part] = total(f.e[p][part]);
+            fit.k[p][part] = total(f.k[p][part]);
+        }
+    }
+    for (int p = 0; p < PHASES; p++) {
+        const double plain = total(f.plain[p]), size = (double)samples;
+        fit.ac += total(f.square[p]) / size - plain * plain / (size * size);
+    }
+    return fit;
+}
+
+/* Im(conj(c) z) of Re, -Im each. */
+INLINE double turn(const double c[2], const double z[2])
+{
+    return c[1] * z[0] - c[0] * z[1];
+}
+
 /* f [Hz], the projection of the stretch and the sums of the window, which begins with its sample `inside`; 0 with the
    reason in `state` where f is not usable. */
 INLINE double frequency(const struct form *form, struct state *state, struct fit *fit, struct sums *window,
-                        const void *codes, int bits, int channels, int64_t inside, const double *const *table,
-                        struct cycles *cycles)
+                        const void *codes, int bits, int64_t inside, const double *const *table, struct cycles *cycles)
 {
-    double f = state->trial;
-    struct sums before = {0};
-    vec edges[EDGES][2], ac = {0};
+    double f = state->trial, edges[EDGES][PHASES][2];
     for (int step = 0; step < 4; step++) {
         const int64_t point = (int64_t)rint(fmin(fmax(f, form->trial_low), form->trial_high) / form->grid);
         const double *trial = table[point - form->first_point];
@@ -282,34 +338,24 @@ INLINE double frequency(const struct form *form, struct state *state, struct fit
             state->point = point;
             return 0;
         }
-        if (!step) {
-            *fit = project(edges, &before, window, 0, codes, bits, channels, form->fit, inside, trial);
-            const vec plain = fold(before.plain + window->plain, channels);
-            ac = fold(before.square + window->square, channels) / (double)form->fit
-               - plain * plain / ((double)form->fit * (double)form->fit);
-        } else {
-            *fit = project(edges, &before, window, 1, codes, bits, channels, form->fit, inside, trial);
-        }
-        const vec re = fit->re_c, im = fit->im_c, turn = im * fit->re_d - re * fit->im_d;
-        const vec slow = im * fit->re_e - re * fit->im_e, weight = re * re + im * im;
-        const vec late = im * fit->re_k - re * fit->im_k, grown = re * fit->re_k + im * fit->im_k;
-        double turns = 0, slow_turns = 0, late_turns = 0, growths = 0, weights = 0, power = 0;
-        for (int c = 0; c < channels; c += 2) {
-            turns += turn[c];
-            slow_turns += slow[c];
-            late_turns += late[c];
-            growths += grown[c];
-            weights += weight[c];
-            power += ac[c];
+        *fit = pass(trial, codes, bits, form->fit, inside, edges, step ? NULL : window);
+        double turns = 0, slow_turns = 0, late_turns = 0, growths = 0, weights = 0;
+        for (int p = 0; p < PHASES; p++) {
+            const double *c = fit->c[2 * p];
+            turns += turn(c, fit->d[p]);
+            slow_turns += turn(c, fit->e[p]);
+            late_turns += turn(c, fit->k[p]);
+            growths += c[0] * fit->k[p][0] + c[1] * fit->k[p][1];
+            weights += c[0] * c[0] + c[1] * c[1];
         }
         const double turned = 2 * M_PI * fmax(weights, 1e-30);
         f = (double)point * form->grid + turns / turned;
         if (fabs(f - (double)point * form->grid) > form->slack * form->grid)
             continue;
-        const int credible = f >= form->f_low && f <= form->f_high && weights / 2 >= form->purity * fmax(power, 1e-30);
+        const int credible = f >= form->f_low && f <= form->f_high && weights / 2 >= form->purity * fmax(fit->ac, 1e-30);
         if (!credible)
             break;
-        *cycles = cycles_of(edges, channels, form->bend);
+        *cycles = cycles_of(edges, form->bend);
         cycles->kink = fabs(late_turns) / fmax(weights, 1e-30);
         cycles->growth = fabs(growths) / fmax(weights, 1e-30);
         if (cycles->bend > form->steady)
@@ -320,98 +366,80 @@ INLINE double frequency(const struct form *form, struct state *state, struct fit
     return 0;
 }
 
-/* Squares and products of samples from .. to, added to `out` or, with the sign -1, taken away. */
-INLINE void add_range(struct sums *out, double sign, const void *codes, int bits, int channels, int64_t samples,
-                      int64_t from, int64_t to)
+/* Adds `sign` times the sums over the samples from .. to. */
+INLINE void add_range(struct sums *out, double sign, const void *codes, int bits, int64_t samples, int64_t from,
+                      int64_t to)
 {
-    const int together = LANES / channels;
-    vec square = {0}, cross = {0};
-    int64_t n = from;
-    for (; n + together <= to && n < samples - 1; n += together) {
-        const vec x = load(codes, bits, n * channels, LANES);
-        square += x * x;
-        cross += x * swapped(x);
-    }
-    for (; n < to; n++) {
-        const vec x = load(codes, bits, n * channels, channels);
-        square += x * x;
-        cross += x * swapped(x);
-    }
-    out->square += sign * square;
-    out->cross += sign * cross;
+    if (from >= to)
+        return;
+    const struct sums range = range_sums(codes, bits, samples, from, to);
+    for (int c = 0; c < CHANNELS; c++)
+        out->square[c] += sign * range.square[c];
+    for (int p = 0; p < PHASES; p++)
+        out->cross[p] += sign * range.cross[p];
 }
 
-/* Integral of squares and products over the first `share` of a cell: the straight line through its neighbours. */
-INLINE void add_part(struct sums *out, const void *codes, int bits, int channels, int64_t samples, int64_t cell,
-                     double share, double sign)
+/* Adds `sign` times the integral of squares and products over the first `share` of a cell: the straight line through its
+   neighbours. */
+INLINE void add_part(struct sums *out, const void *codes, int bits, int64_t samples, int64_t cell, double share,
+                     double sign)
 {
     const int64_t last = samples - 1, here = cell < last ? cell : last;
     const int64_t next = here < last ? here + 1 : last, before = here > 0 ? here - 1 : 0;
-    const vec x = load(codes, bits, here * channels, channels), y = load(codes, bits, next * channels, channels);
-    const vec z = load(codes, bits, before * channels, channels);
     const double bow = (share * share - share) / 4;
-    out->square += sign * (share * (x * x) + bow * (y * y - z * z));
-    out->cross += sign * (share * (x * swapped(x))
-                          + bow * (y * swapped(y) - z * swapped(z)));
-}
-
-INLINE struct sums folded(struct sums s, int channels)
-{
-    s.square = fold(s.square, channels);
-    s.cross = fold(s.cross, channels);
-    s.plain = fold(s.plain, channels);
-    if (channels <= 4) {
-        const mask half = {4, 5, 6, 7, 0, 1, 2, 3};
-        const vec most = __builtin_shuffle(s.most, half), least = __builtin_shuffle(s.least, half);
-        s.most = larger(most, s.most);
-        s.least = smaller(least, s.least);
+    for (int c = 0; c < CHANNELS; c++) {
+        const double x = code_at(codes, bits, here * CHANNELS + c), y = code_at(codes, bits, next * CHANNELS + c);
+        const double z = code_at(codes, bits, before * CHANNELS + c);
+        out->square[c] += sign * (share * (x * x) + bow * (y * y - z * z));
+        if (c % 2)
+            continue;
+        const double a = code_at(codes, bits, here * CHANNELS + c + 1);
+        const double b = code_at(codes, bits, next * CHANNELS + c + 1);
+        const double d = code_at(codes, bits, before * CHANNELS + c + 1);
+        out->cross[c / 2] += sign * (share * (x * a) + bow * (y * b - z * d));
     }
-    if (channels <= 2) {
-        const mask pair = {2, 3, 0, 1, 6, 7, 4, 5};
-        const vec most = __builtin_shuffle(s.most, pair), least = __builtin_shuffle(s.least, pair);
-        s.most = larger(most, s.most);
-        s.least = smaller(least, s.least);
-    }
-    return s;
 }
 
 /* Sums over the interval start .. stop, which ends in the window, from those over the window. Sums of integer codes are
    exact: what is added and taken away again leaves nothing. */
-INLINE struct sums interval(struct sums window, const void *codes, int bits, int channels, int64_t begin, int64_t end,
-                            double start, double stop)
+INLINE struct sums interval(struct sums window, const void *codes, int bits, int64_t begin, int64_t end, double start,
+                            double stop)
 {
     const int64_t a = (int64_t)floor(start), b = (int64_t)floor(stop);
-    struct sums inner = window;
-    if (a >= begin)
-        add_range(&inner, -1, codes, bits, channels, end, begin, a);
-    else
-        add_range(&inner, 1, codes, bits, channels, end, a, begin);
-    add_range(&inner, -1, codes, bits, channels, end, b, end);
-    inner.square = fold(inner.square, channels);
-    inner.cross = fold(inner.cross, channels);
-    add_part(&inner, codes, bits, channels, end, a, start - (double)a, -1);
-    add_part(&inner, codes, bits, channels, end, b, stop - (double)b, 1);
-    return inner;
+    add_range(&window, -1, codes, bits, end, begin, a);
+    add_range(&window, 1, codes, bits, end, a, begin);
+    add_range(&window, -1, codes, bits, end, b, end);
+    add_part(&window, codes, bits, end, a, start - (double)a, -1);
+    add_part(&window, codes, bits, end, b, stop - (double)b, 1);
+    return window;
 }
 
 /* Rows of the result, each with one value per window; from FIRST on, each quantity has one row per phase. */
 enum { F, FLAGS, MAGNITUDE, BEND, SWELL, KINK, GROWTH, FIRST };
 enum { ENERGY, VRMS, IRMS, POWER, REACTIVE };
-#define ROW(quantity, phase) (FIRST + (quantity) * (channels / 2) + (phase))
+#define ROW(quantity, phase) (FIRST + (quantity) * PHASES + (phase))
+
+INLINE int64_t marks_of(const struct form *form, const struct sums *s, int phase)
+{
+    for (int c = 2 * phase; c < 2 * phase + 2; c++)
+        if (s->most[c] >= form->code_max || s->least[c] <= form->code_min)
+            return (int64_t)16 << phase;
+    return 0;
+}
 
 INLINE int one_window(const struct form *form, struct state *state, const double *const *table, const void *codes,
-                      int bits, int channels, int64_t begin, int64_t end, double *out, int64_t stride)
+                      int bits, int64_t begin, int64_t end, double *out, int64_t stride)
 {
     struct fit fit;
-    struct sums inner, outer = {0};
+    struct sums window;
     struct state next = *state;
     if (end < form->fit)
         return (int)(state->reason = NO_HISTORY);
     const size_t width = bits == 16 ? 2 : bits == 32 ? 4 : 8;
-    const char *stretch = (const char *)codes + (size_t)(end - form->fit) * (size_t)channels * width;
+    const char *stretch = (const char *)codes + (size_t)(end - form->fit) * CHANNELS * width;
     const int64_t inside = begin - (end - form->fit);
     struct cycles cycles = {0};
-    const double f = frequency(form, &next, &fit, &outer, stretch, bits, channels, inside, table, &cycles);
+    const double f = frequency(form, &next, &fit, &window, stretch, bits, inside, table, &cycles);
     state->point = next.point;
     if (!f)
         return (int)(state->reason = next.reason);
@@ -423,30 +451,25 @@ INLINE int one_window(const struct form *form, struct state *state, const double
     if (start < 0)
         return (int)(state->reason = NO_HISTORY);
     const double stop = fmin(start + length, (double)form->fit);
-    inner = interval(outer, stretch, bits, channels, inside, form->fit, start, stop);
-    outer = folded(outer, channels);
+    const struct sums inner = interval(window, stretch, bits, inside, form->fit, start, stop);
     length = stop - start;
     int64_t flags = 0, live = 0;
     double magnitude = 0;
-    for (int c = 0; c < channels; c += 2) {
-        const int phase = c / 2;
+    for (int phase = 0; phase < PHASES; phase++) {
+        const int c = 2 * phase;
         const double u = form->scale[c], i = form->scale[c + 1];
         const double volts = sqrt(fmax(inner.square[c] / length, 0)) * u;
-        const double u_re = fit.re_c[c] * u, u_im = -fit.im_c[c] * u, i_re = fit.re_c[c + 1] * i;
-        const double i_im = -fit.im_c[c + 1] * i;
-        magnitude += fit.re_c[c] * fit.re_c[c] + fit.im_c[c] * fit.im_c[c];
+        magnitude += fit.c[c][0] * fit.c[c][0] + fit.c[c][1] * fit.c[c][1];
         out[ROW(VRMS, phase) * stride] = volts;
         out[ROW(IRMS, phase) * stride] = sqrt(fmax(inner.square[c + 1] / length, 0)) * i;
-        out[ROW(POWER, phase) * stride] = inner.cross[c] / length * (u * i);
-        out[ROW(REACTIVE, phase) * stride] = (u_im * i_re - u_re * i_im) / 2;
-        out[ROW(ENERGY, phase) * stride] = outer.cross[c];
+        out[ROW(POWER, phase) * stride] = inner.cross[phase] / length * (u * i);
+        out[ROW(REACTIVE, phase) * stride] = turn(fit.c[c + 1], fit.c[c]) * (u * i) / 2;
+        out[ROW(ENERGY, phase) * stride] = window.cross[phase];
         if (volts > form->dead[phase])
             live++;
         else
             flags |= (int64_t)1 << phase;
-        for (int k = c; k < c + 2; k++)
-            if (outer.most[k] >= form->code_max || outer.least[k] <= form->code_min)
-                flags |= (int64_t)16 << phase;
+        flags |= marks_of(form, &window, phase);
     }
     if (!live)
         return (int)(state->reason = UNUSUAL);
@@ -468,8 +491,8 @@ INLINE int one_window(const struct form *form, struct state *state, const double
    state->reason. Compiled once per number of channels (-DCHANNELS=6). */
 #define METER(BITS)                                                                                                    \
     while (done < windows                                                                                              \
-           && one_window(form, state, table, codes, BITS, CHANNELS, bounds[done], bounds[done + 1], out + done,        \
-                         windows) == DONE)                                                                             \
+           && one_window(form, state, table, codes, BITS, bounds[done], bounds[done + 1], out + done, windows)         \
+              == DONE)                                                                                                \
         done++;
 
 int64_t acqd_windows(const struct form *form, struct state *state, const double *const *table, const void *codes,
@@ -513,47 +536,22 @@ void acqd_undo(struct live *live)
 
 /* A window in which no voltage is mains: sums over exactly its samples, and no f. 0 where a voltage may be mains, or a
    code is at its end stop. */
-INLINE int quiet(const struct form *form, const void *codes, int bits, int channels, int64_t begin, int64_t end,
-                 double *out)
+INLINE int quiet(const struct form *form, const void *codes, int bits, int64_t begin, int64_t end, double *out)
 {
-    const int each = channels >= NATIVE ? 1 : NATIVE / channels;
-    const int64_t many = begin + (end - 1 - begin) / each * each; /* after the last sample there is nothing to read */
-    struct sums s = {0};
-#pragma GCC unroll 3
-    for (int p = 0; NATIVE * p < channels; p++) {
-        native square = lanes(&s.square, p), cross = lanes(&s.cross, p);
-        native most = lanes(&s.most, p), least = lanes(&s.least, p);
-        for (int64_t n = begin; n < many; n += each) {
-            const native x = native_load(codes, bits, n * channels + NATIVE * p);
-            square += x * x;
-            cross += x * native_swapped(x);
-            most = native_larger(x, most);
-            least = native_smaller(x, least);
-        }
-        set_lanes(&s.square, p, square);
-        set_lanes(&s.cross, p, cross);
-        set_lanes(&s.most, p, most);
-        set_lanes(&s.least, p, least);
-    }
-    for (int64_t n = many; n < end; n++)
-        s = with_products(s, load(codes, bits, n * channels, channels), INSIDE);
-    s = folded(s, channels);
+    const struct sums s = range_sums(codes, bits, end, begin, end);
     const double size = (double)(end - begin);
     int64_t flags = 0;
-    for (int c = 0; c < channels; c += 2) {
-        const int phase = c / 2;
-        const double u = form->scale[c], i = form->scale[c + 1], volts = sqrt(s.square[c] / size) * u;
-        if (volts > form->dead[phase])
+    for (int phase = 0; phase < PHASES; phase++) {
+        const double u = form->scale[2 * phase], i = form->scale[2 * phase + 1];
+        const double volts = sqrt(s.square[2 * phase] / size) * u;
+        if (volts > form->dead[phase] || marks_of(form, &s, phase))
             return 0;
-        for (int k = c; k < c + 2; k++)
-            if (s.most[k] >= form->code_max || s.least[k] <= form->code_min)
-                return 0;
         flags |= (int64_t)1 << phase;
         out[ROW(VRMS, phase)] = volts;
-        out[ROW(IRMS, phase)] = sqrt(s.square[c + 1] / size) * i;
-        out[ROW(POWER, phase)] = s.cross[c] / size * (u * i);
+        out[ROW(IRMS, phase)] = sqrt(s.square[2 * phase + 1] / size) * i;
+        out[ROW(POWER, phase)] = s.cross[phase] / size * (u * i);
         out[ROW(REACTIVE, phase)] = NAN;
-        out[ROW(ENERGY, phase)] = s.cross[c];
+        out[ROW(ENERGY, phase)] = s.cross[phase];
     }
     out[F] = NAN;
     out[FLAGS] = (double)flags;
@@ -567,8 +565,8 @@ int64_t acqd_quiet(const struct live *live)
     const struct form *form = live->form;
     const int64_t begin = live->bounds[0], end = live->bounds[1];
     if (form->bits == 16)
-        return quiet(form, live->codes, 16, CHANNELS, begin, end, live->out);
+        return quiet(form, live->codes, 16, begin, end, live->out);
     if (form->bits == 32)
-        return quiet(form, live->codes, 32, CHANNELS, begin, end, live->out);
-    return quiet(form, live->codes, 64, CHANNELS, begin, end, live->out);
+        return quiet(form, live->codes, 32, begin, end, live->out);
+    return quiet(form, live->codes, 64, begin, end, live->out);
 }

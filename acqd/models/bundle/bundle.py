@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -14,7 +13,7 @@ from numpy.typing import NDArray
 from safetensors import SafetensorError
 from safetensors.numpy import load, save, save_file
 
-from acqd.atomic import complete_folder
+from acqd.atomic import complete_folder, require_writable
 from acqd.errors import InputError, UserError
 
 FORMAT = 1
@@ -35,11 +34,9 @@ class Bundle:
 
 def require_free(path: Path) -> None:
     """Raise UserError unless a bundle may be written to `path`: nothing there, an empty folder or a bundle."""
+    require_writable(path)
     if path.exists() and not is_bundle(path) and not (path.is_dir() and not any(path.iterdir())):
         raise UserError(f"{path} exists and is not a bundle: it would be overwritten; choose another --out")
-    parent = next(folder for folder in path.absolute().parents if folder.exists())
-    if not parent.is_dir() or not os.access(parent, os.W_OK):
-        raise UserError(f"{path}: {parent} is not a writable folder; choose another --out")
 
 
 def save_bundle(path: Path, bundle: Bundle) -> None:
@@ -70,7 +67,9 @@ def load_bundle(path: Path) -> Bundle:
     except orjson.JSONDecodeError as error:
         raise InputError(file, f"is damaged ({error}); train the model again, or copy the bundle again") from None
     if not isinstance(metadata, dict) or metadata.get("format") != FORMAT:
-        raise InputError(file, f"has another format than {FORMAT}: it is from another version of acqd")
+        raise InputError(
+            file, f"has another format than {FORMAT}: it is from another version of acqd; use that, or train again"
+        )
     file = path / "weights.safetensors"
     try:
         weights = file.read_bytes()

@@ -66,7 +66,7 @@ def run_epoch(task: Task, run: Run) -> float:
     for batch in task.training:
         loss, gradient = engine.gradient(run.parameters, batch)
         if not math.isfinite(loss):
-            raise OperationError(f"{architecture.name} diverged in epoch {run.epoch}: try a smaller --rate")
+            raise OperationError(f"{architecture.name} diverged in epoch {run.epoch}: try a smaller --learning-rate")
         norm = float(np.linalg.norm(gradient.astype(np.float64)))
         if not math.isfinite(norm):
             continue  # an overflowed gradient has no direction

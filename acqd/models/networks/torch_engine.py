@@ -70,7 +70,7 @@ class TorchEngine(Engine):
             self._device = torch.device(device)
             self._network = Network(architecture, axes).to(self._device)
         except (RuntimeError, AssertionError, NotImplementedError) as error:
-            raise UserError(f"--device {device}: {str(error).splitlines()[0]}; use cpu") from None
+            raise UserError(f"--processor {device}: {str(error).splitlines()[0]}; use cpu") from None
         # cuDNN rounds products to 10 bits (TF32) where nobody forbids it: gradients up to 0.1 % off, and no faster here
         torch.backends.cudnn.allow_tf32 = False
         self._learnables = self._network.learnables()

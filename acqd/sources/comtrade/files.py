@@ -51,7 +51,9 @@ def _mapped(path: Path) -> memoryview:
 
 def _sibling(path: Path, suffix: str) -> Path:
     """The other file of the pair, in whichever case it is written."""
-    for candidate in (path.with_suffix(suffix), path.with_suffix(suffix.upper())):
+    if path.suffix.lower() == suffix:
+        return path
+    for candidate in (path.with_suffix(suffix), path.with_suffix(suffix.upper()), path.with_suffix(suffix.title())):
         if candidate.exists():
             return candidate
     raise InputError(path, f"lacks its {suffix} file next to it")

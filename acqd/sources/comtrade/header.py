@@ -81,7 +81,7 @@ def read_header(path: Path, text: str) -> Header:
     head = lines.fields(2)
     station = head[1]
     edition, notes = _edition(lines, head[2] if len(head) > 2 else "")
-    counts = lines.fields(3)
+    counts = lines.fields(2)
     analog, digital = lines.count(counts, "A"), lines.count(counts, "D")
     channels = [_channel(lines) for _ in range(analog)]
     for _ in range(digital):
@@ -155,6 +155,13 @@ class _Lines:
             raise self.wrong(f"{text!r} is no usable number")
         return value
 
+    def limit(self, text: str) -> float:
+        """The largest number that data can hold, which of floating-point data has no end."""
+        try:
+            return min(float(text), 1e15)
+        except ValueError:
+            raise self.wrong(f"{text!r} is not a number") from None
+
     def count(self, fields: list[str], letter: str) -> int:
         """Number of channels of a kind, from `36,20A,16D`: each has a line, so the header limits it."""
         text = next((field[:-1] for field in fields[1:] if field[-1:].upper() == letter), "")
@@ -186,7 +193,8 @@ def _edition(lines: _Lines, text: str) -> tuple[int, tuple[str, ...]]:
 def _channel(lines: _Lines) -> AnalogChannel:
     """Fields: number, name, phase, circuit, unit, a, b, skew, min, max[, primary, secondary, P or S]."""
     fields = lines.fields(10, skip_blank=True)
-    a, b, skew, _, maximum = (lines.number(text or "0") for text in fields[5:10])
+    a, b, skew = (lines.number(text or "0") for text in fields[5:8])
+    maximum = lines.limit(fields[9] or "0")
     primary, secondary = (lines.number(text or "0") for text in [*fields[10:12], "", ""][:2])
     ratio = primary / secondary if primary > 0 and secondary > 0 else 1.0
     kind = fields[12].upper() if len(fields) > 12 else ""

@@ -24,6 +24,8 @@ _NOTED = 2e-4
 _STEP_SLACK = 0.05  # of a period: how far times may be from an even step
 _RATE_SLACK = 1e-3  # how far the mean step may be from the header's rate: 0.05 Hz of the mains
 _DECADE_SLACK = 0.03  # of a power of ten: 7 %
+_FOLLOWS = 0.02
+"""Between the rates of segments: frequencies of the mains are within 1 % of the nominal one (EN 50160)."""
 _LONGEST_PAUSE_S = 86_400.0
 _MOST_PAUSES = 0.001  # share of the samples: more jumps are no pauses, but times that mean nothing
 
@@ -119,17 +121,34 @@ def _nearly(rate: float, other: float | None) -> list[str]:
     return [f"{said}: f and W follow the header (--rate)"] if rate and other else []
 
 
+def _one_rate(path: Path, header: Header, notes: list[str]) -> float:
+    """The rate of all segments; the mean of rates that follow the frequency of the mains. Raises InputError."""
+    rates = [segment.rate for segment in header.segments]
+    least, most = min(rates), max(rates)
+    if least == most:
+        return least
+    distinct = list(dict.fromkeys(rates))
+    listed = ", ".join(f"{rate:g} Hz" for rate in distinct[:4]) + " ..." * (len(distinct) > 4)
+    if most > (1 + _FOLLOWS) * least:
+        raise InputError(
+            path, f"changes its sampling rate ({listed}); one constant rate is needed: export the part of one rate"
+        )
+    begins = [0, *(segment.end for segment in header.segments)]
+    lengths = np.diff(begins)
+    lasts_s = float((lengths / np.array(rates)).sum())
+    mean = begins[-1] / lasts_s if lasts_s > 0 and (lengths > 0).all() else float(np.mean(rates))
+    notes.append(
+        f"its sampling rate follows the mains ({least:g} to {most:g} Hz): metered at its mean of {mean:g} Hz, so f is "
+        "that of the mean, and times are off by what the rates differ"
+    )
+    return mean
+
+
 def _clock(
     path: Path, header: Header, samples: Samples, given: ChannelMap, notes: list[str]
 ) -> tuple[float | None, list[tuple[int, int]]]:
     """The one sampling rate [1/s], and where samples are missing."""
-    rates = {segment.rate for segment in header.segments}
-    if len(rates) > 1:
-        listed = ", ".join(f"{segment.rate:g} Hz" for segment in header.segments)
-        raise InputError(
-            path, f"changes its sampling rate ({listed}); one constant rate is needed: export the part of one rate"
-        )
-    rate = rates.pop()
+    rate = _one_rate(path, header, notes)
     times = samples.times()
     if times is None or len(times) < 2 or times[-1] <= 0:
         return rate or None, []

@@ -110,8 +110,8 @@ def _text_rows(path: Path, header: Header, content: bytes | memoryview) -> Float
 
 
 def _lines(content: bytes | memoryview) -> Iterable[str]:
-    for line in io.BytesIO(content):
-        text = line.decode("latin-1").replace("\x1a", "").strip()
+    for line in io.TextIOWrapper(io.BytesIO(content), "latin-1"):  # which ends lines at a carriage return alone, too
+        text = line.replace("\x1a", "").strip()
         if text:
             number, _, rest = text.partition(",")
             time, comma, values = rest.partition(",")

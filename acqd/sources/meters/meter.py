@@ -149,6 +149,8 @@ class Meter:
         if self._judge.blank(self.profile, self._access.plan, answers):
             return Judged(dict.fromkeys(self.profile.quantities), frozenset({INVALID}))
         values = decode(self.profile, self._access.plan, answers)
+        powers = [register for name, register in self.profile.quantities.items() if name.endswith(".P")]
+        self._judge.one_moment = self._access.plan.together(powers)
         if self._judge.contradicts(values):  # a load that changed between two reads of the round
             with contextlib.suppress(ModbusError):
                 again = self._access.read(client)

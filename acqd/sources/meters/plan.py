@@ -27,6 +27,14 @@ class Plan:
                 return answer[2 * offset : 2 * (offset + register.width)]
         raise KeyError(register)
 
+    def together(self, registers: Iterable[Register]) -> bool:
+        """Whether one answer holds all of these registers, which are of one moment then."""
+        wanted = list(registers)
+        return any(
+            all(one.function == function and 0 <= one.address - address <= count - one.width for one in wanted)
+            for function, address, count in self.reads
+        )
+
 
 def make_plan(profile: Profile, gap: int = GAP) -> Plan:
     """Neighbouring registers are read together, across at most `gap` others.

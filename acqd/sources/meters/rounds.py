@@ -32,7 +32,8 @@ _PF_ABOVE = 4.0
 """How many times |PF| may be above |P| / S: that of the fundamentals is, by sqrt(1 + THD^2) of the current, and no load
 has a THD of 380 %."""
 _PARTS = 0.3
-"""Share of the sum of S by which the total of P may differ from the phases: registers of a round differ in time."""
+"""Share of the sum of S by which the total of P may differ from the phases: registers of a round differ in time; half
+of it where one answer holds them all."""
 _DEAD = 0.05
 """Of the nominal voltage: below it there are no mains, and no f."""
 _SLACK = 0.1  # share of V x I by which P and S may be larger: resolution, and times that differ
@@ -79,6 +80,8 @@ class RoundJudge:
     """Judges the rounds of one meter in turn."""
 
     nominal_voltage: float
+    one_moment: bool = False
+    """P of the phases and of the total are of one answer."""
     _counters: dict[str, _Counter] = field(default_factory=dict)
     _most_VA: float = 0.0
 
@@ -127,7 +130,7 @@ class RoundJudge:
         for channel in _CHANNELS:
             _drop_powers(channel, known, _DEAD * self.nominal_voltage)
             _drop_power_factor(channel, known)
-        _drop_total(known)
+        _drop_total(known, _PARTS / 2 if self.one_moment else _PARTS)
 
     def _impossible(self, name: str, value: float) -> bool:
         kind = name.rpartition(".")[2]
@@ -202,16 +205,22 @@ def _drop_power_factor(channel: str, known: dict[str, float | None]) -> None:
         known |= {f"{channel}.{name}": None for name in doubtful}
 
 
-def _drop_total(known: dict[str, float | None]) -> None:
-    """The total of P is the sum of the phases."""
+def _drop_total(known: dict[str, float | None], most_apart: float) -> None:
+    """The total of P is the sum of the phases, and not above the total of S.
+
+    `most_apart`: share of V x I by which it may differ. Phases without another witness of P are as doubtful as it.
+    """
     phases = [f"L{k}" for k in (1, 2, 3) if f"L{k}.Vrms" in known]
     P, VA = [known.get(f"{name}.P") for name in phases], [_product(name, known) for name in phases]
-    total = known.get("total.P")
-    if len(phases) < 2 or total is None or None in P or None in VA:
-        return
-    apart = abs(total - sum(p for p in P if p is not None))
-    if apart > _PARTS * sum(va for va in VA if va is not None) + 4 * _SMALL_VA:
-        known["total.P"] = None
+    total, S = known.get("total.P"), known.get("total.S")
+    if len(phases) > 1 and total is not None and None not in P and None not in VA:
+        apart = abs(total - sum(p for p in P if p is not None))
+        if apart > most_apart * sum(va for va in VA if va is not None) + 4 * _SMALL_VA:
+            alone = [name for name in phases if f"{name}.S" not in known and f"{name}.PF" not in known]
+            known |= {f"{name}.P": None for name in ("total", *alone)}
+            return
+    if total is not None and S is not None and _above(abs(total), abs(S)):
+        known["total.S"] = None
 
 
 def _drop_dead_voltages(known: dict[str, float | None], dead_V: float) -> None:

@@ -53,14 +53,15 @@ def of_times(path: Path, times: Floats, quantum: float, given: ChannelMap, first
             "each of its times stands twice, as in an envelope (minimum and maximum); save samples, in sample or "
             "high-resolution mode",
         )
-    coarse = not even and quantum > 0.3 * mean > 0  # several rows share a printed time
+    steady = not even and _steady(times, step, quantum)
+    coarse = not even and quantum > 0.3 * mean > 0 and not steady
     if span <= 0 or (coarse and quantum > _COARSE * span):
         if given.rate:
             return Clock(mean and 1 / mean if span > 0 and quantum <= 0.02 * span else None, start, notes)
         why = "does not advance" if span <= 0 else "is printed too coarsely to tell the rate, or is not equidistant"
         raise InputError(path, f"its time column {why}; give the sampling rate with --rate")
     # The whole span tells the step best, unless something is missing in it.
-    period = mean if coarse or abs(mean - step) < _JITTER * abs(step) + quantum else step
+    period = mean if coarse or (abs(mean - step) < _JITTER * abs(step) + quantum and not steady) else step
     if given.rate:
         return Clock(1 / period if period > 0 else None, start, notes)
     slack = max(_JITTER * period, 1.01 * quantum, 2 * np.spacing(abs(times[-1])), 1.1e-6 if start else 0.0)
@@ -77,6 +78,15 @@ def of_times(path: Path, times: Floats, quantum: float, given: ChannelMap, first
             f"before, expected an equidistant step of {step:.6g} s; resample it, or give --rate to overrule the column",
         )
     return Clock(float(1 / period), start, notes)
+
+
+def _steady(times: Floats, step: float, quantum: float) -> bool:
+    """Whether times that are printed in steps as large as theirs are even but for pauses.
+
+    Where several rows share a printed time, or rounding leaves a time out, steps are 0 or twice as long.
+    """
+    steps = np.diff(times)
+    return bool(((np.abs(steps - step) < 0.5 * quantum) | (steps > 2.5 * step)).all()) and step > 0.5 * quantum
 
 
 def _pauses(times: Floats, step: float, slack: float) -> Clock | None:

@@ -8,6 +8,7 @@ beside A B C. So a name has several readings, and `roles` chooses among them.
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from acqd.sources.recording.channel import UNKNOWN, Kind, Letter
@@ -54,22 +55,26 @@ _NUMBERED_PHASE = re.compile(
 """`Vabc:1`, `Iabc(2)` of Simulink; `U_V`, `I_W` of machines, which words would take for two quantities."""
 
 
-_WORDS_OF_OTHERS = (
+def _alike(letter: re.Match[str]) -> str:
+    """In Latin the letter of a phase that looks like one in Cyrillic, alone or behind U or I."""
+    return letter[0].translate(str.maketrans("АВСавс", "ABCabc"))
+
+
+_WORDS_OF_OTHERS: tuple[tuple[str, str | Callable[[re.Match[str]], str]], ...] = (
     (r"(?i)\b(?:a|phv|pnv)\.(?:neut|res|net)\b", "neutral"),  # IEC 61850-7-4: MMXU1.A.neut
     (r"(?i)volsv", "voltage"), (r"(?i)ampsv", "current"), (r"(?i)instmag(?:\.[if]\b)?", "inst"),  # TVTR1.VolSv.instMag
     ("电压|電圧|電壓", " voltage "), ("电流|電流", " current "), ("零序|中性", " neutral "), ("相", " phase "),
     (r"(?i)tens(?:ão|ión)", "voltage"),
     (r"(?i)напряжение", "voltage"), (r"(?i)\bток\b", "current"), (r"(?i)нейтрал\w*|\bнул\w*", "neutral"),
+    (r"(?i)\bфаз[аы]\b", "phase"), (r"(?:(?<![^\W_])[АВС]|(?<=^[UIVuiv])[АВСавс])(?![^\W_])", _alike),
 )  # fmt: skip
-_CYRILLIC = str.maketrans("АВСавс", "ABCabc")
-"""Letters of phases that look alike."""
 
 
 def _latin(name: str) -> str:
     """A name with the words of IEC 61850, and those that are not written in ASCII, in English."""
     for word, english in _WORDS_OF_OTHERS:
         name = re.sub(word, english, name)
-    return name.translate(_CYRILLIC)
+    return name
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +90,7 @@ class Reading:
 
 _INPUT = re.compile(r"(?i)(^|[^a-z])(channel|ch|kanal|canal|canale|voie)[ _-]*([a-h]|\d+)($|[^a-z0-9])")
 """Of an instrument: `Channel A`, `CH2`."""
-_BARE_INPUT = re.compile(r"(?i)(^|[^a-z])(input|eingang)[ _-]*[a-h]($|[^a-z0-9])")
+_BARE_INPUT = re.compile(r"(?i)(^|[^a-z])(input|eingang|entr[ée]e|ingresso|entrada|ingang)[ _-]*[a-h]($|[^a-z0-9])")
 """Of an instrument where no quantity is beside it: `Input B`; `Voltage Input B` is of a converter fed by phase B."""
 
 
@@ -128,7 +133,7 @@ def phase_field(text: str, machine: bool = False) -> list[Reading]:
 
     `machine`: the fields name phases U, V, W, of which two are letters of a voltage, too.
     """
-    words = _words(_latin(text))
+    words = [word for word in _words(_latin(text)) if word not in _FILLER]
     if not words:
         return []
     if machine and len(words) == 1 and words[0] in ("u", "v", "w"):
@@ -170,6 +175,8 @@ def _special(words: list[str], quantity: Letter) -> Reading | None:
         return Reading("residual", kind)
     residual = [word for word in words if _RESIDUAL.match(word)]
     phases = [word for word in words if word not in residual and word not in _FILLER and _single(word)]
+    if any(len(word) > 1 and word[0] == "i" for word in residual):  # IN-1: of feeder 1
+        phases = [word for word in phases if not word.isdigit()]
     if residual and not phases:
         return Reading("residual", kind)
     return None

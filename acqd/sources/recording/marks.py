@@ -12,6 +12,7 @@ import numpy as np
 from acqd.arrays import Floats
 from acqd.metering.block import Codes
 from acqd.metering.integrity import clipped, rolled_over, saturated, shifted, uneven
+from acqd.sources.recording.blurred import blurred_tops
 from acqd.sources.recording.continuity import held
 
 Marks = tuple[tuple[int, int, frozenset[str]], ...]
@@ -37,13 +38,8 @@ def marks_of(codes: Codes, rate: float, f_nominal: float, scale: Sequence[float]
     peaks = np.maximum(codes.max(axis=0).astype(np.float64), -codes.min(axis=0).astype(np.float64)) * units
     for k in range(codes.shape[1]):
         x = _channel(codes, k)
-        most, least = float(x.max()), float(x.min())
-        for at in _suspects(x, most, least, size):
-            part = x[at * size : (at + 1) * size + 8].astype(np.float64)
-            if rolled_over(part):
-                flags.setdefault(at, set()).add("rollover")
-            elif clipped(part, size // 2):
-                flags.setdefault(at, set()).add("clipped")
+        for at, fault in _faults(x, size):
+            flags.setdefault(at, set()).add(fault)
         far = _HELD * float(peaks[k % 2 :: 2].max()) / float(units[k])
         least = 3 * size // 8 if k % 2 else size // 4  # half waves of a load pause for half a cycle
         for first, last in held(x, least, far, size // 2):
@@ -62,6 +58,29 @@ def marks_of(codes: Codes, rate: float, f_nominal: float, scale: Sequence[float]
 def _channel(codes: Codes, k: int) -> np.ndarray:
     """Samples that lie side by side; of two channels a copy is no faster, and takes half of the memory of all."""
     return codes[:, k] if codes.shape[1] <= 2 else np.ascontiguousarray(codes[:, k])
+
+
+def _faults(x: np.ndarray | Floats, size: int) -> Iterator[tuple[int, str]]:
+    """Stretches in which a channel has rolled over or is clipped."""
+    highest, lowest = int(x.argmax()), int(x.argmin())
+    for at in _suspects(x, float(x[highest]), float(x[lowest]), size):
+        part = x[at * size : (at + 1) * size + 8].astype(np.float64)
+        if rolled_over(part, size // 2):
+            yield at, "rollover"
+        elif clipped(part, size // 2):
+            yield at, "clipped"
+    yield from ((at, "clipped") for at in _blurred(x, (highest, lowest), size))
+
+
+def _blurred(x: np.ndarray | Floats, extremes: tuple[int, int], size: int) -> list[int]:
+    """Stretches in which a channel is cut, and noise hides that: what is cut somewhere is so at its extremes."""
+    count = len(x) // size
+    suspects = {min(at // size, count - 1) for at in extremes} if count else set()
+
+    def cut(at: int) -> bool:
+        return blurred_tops(x[at * size : (at + 1) * size].astype(np.float64))
+
+    return [at for at in range(count) if cut(at)] if any(map(cut, suspects)) else []
 
 
 def _saturated(x: np.ndarray | Floats, size: int) -> Iterator[int]:

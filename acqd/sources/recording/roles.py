@@ -23,23 +23,77 @@ DISAGREE = "its name and its phase field"
 
 def roles_of(channels: list[Channel]) -> list[Role]:
     """One role per channel."""
+    stated, channels = channels, _from_one(_without_units(_without_default(channels)))
     machine = {"U", "V", "W"} <= {channel.phase.strip().upper() for channel in channels}
     candidates = [_candidates(channel, machine) for channel in channels]
     if any(re.search(r"(?i)[uv]l?(11|22|33)$", channel.name.strip()) for channel in channels):
         candidates = [[one for one in found if (one.kind, one.family) != ("line", "123")] for found in candidates]
     whole = _whole(candidates)
-    if not _are_amperes(candidates, whole):
+    if not _are_amperes(channels, candidates, whole):
         candidates = [[one for one in found if one.family != AMPERES] for found in candidates]
-    roles = [_role(channel, found, whole) for channel, found in zip(channels, candidates, strict=True)]
+    own = [replace(channel, name=one.name) for channel, one in zip(channels, stated, strict=True)]
+    roles = [_role(channel, found, whole) for channel, found in zip(own, candidates, strict=True)]
     roles = [_not_sequence(role, roles) for role in roles]
-    return _only_ones(channels, roles)
+    return _only_ones(own, roles)
 
 
-def _are_amperes(candidates: list[list[Reading]], whole: set[_Key]) -> bool:
-    """Whether A1 A2 A3 are currents: beside three numbered voltages and no other currents. Else they are inputs."""
+def _without_default(channels: list[Channel]) -> list[Channel]:
+    """Without phase fields that a recorder has left at one value, which the names of its channels show."""
+    fields = {channel.phase.strip() for channel in channels}
+    phases = {one.phases for channel in channels for one in readings(channel.name) if one.family in _ALONE}
+    return [replace(channel, phase="") for channel in channels] if len(fields) == 1 and len(phases) > 1 else channels
+
+
+_BRACKETED = re.compile(r"(.+?)\s*[\[(]([kKmMuµ]?[VAva])[\])]")
+
+
+def _without_units(channels: list[Channel]) -> list[Channel]:
+    """Without the units that all names end with, as in `IAW(A)`; `Current (A)` beside `Current (B)` names a phase."""
+    found = [_BRACKETED.fullmatch(channel.name.strip()) for channel in channels]
+    units: dict[str, set[str]] = defaultdict(set)
+    for channel, one in zip(channels, found, strict=True):
+        units[channel.unit.strip()[-1:].upper()].add(one[2][-1].upper() if one else "")
+    same = {unit for unit, seen in units.items() if seen == {unit}}
+    return [
+        replace(channel, name=one[1]) if one is not None and one[2][-1].upper() in same else channel
+        for channel, one in zip(channels, found, strict=True)
+    ]
+
+
+_INDEXED = re.compile(r"(?i)_?((?:[UVI](?:L|LN|L_N)?|voltage|current))\[([0-9])\]")
+"""Elements of an array, such as `ULN[0]` of Janitza."""
+
+
+def _from_one(channels: list[Channel]) -> list[Channel]:
+    """With the phases 1, 2, 3 in names whose numbers are 0, 1, 2."""
+    found = [_INDEXED.fullmatch(channel.name.strip()) for channel in channels]
+    numbers: dict[str, set[str]] = defaultdict(set)
+    for one in filter(None, found):
+        numbers[one[1]].add(one[2])
+    zero = {stem for stem, seen in numbers.items() if {"0", "1", "2"} <= seen}
+    return [
+        replace(channel, name=f"{one[1][0]}{int(one[2]) + 1}") if one is not None and one[1] in zero else channel
+        for channel, one in zip(channels, found, strict=True)
+    ]
+
+
+def _are_amperes(channels: list[Channel], candidates: list[list[Reading]], whole: set[_Key]) -> bool:
+    """Whether A1 A2 A3 are currents: no others are there, and voltages of the same numbers. Else they are inputs.
+
+    Where one of the three is missing, their unit must be that of a current.
+    """
+    numbered: dict[str, set[tuple[int, ...]]] = defaultdict(set)
+    units = set()
+    for channel, found in zip(channels, candidates, strict=True):
+        for one in found:
+            if one.quantity == "i" and one.family != AMPERES:
+                return False
+            if one.family == AMPERES or (one.family, one.kind) == ("123", "phase"):
+                numbered[one.family].add(one.phases)
+            if one.family == AMPERES:
+                units.add(channel.unit.strip()[-1:].upper())
     families = {family for family, _, quantity, _ in whole if family == AMPERES or quantity != "i"}
-    others = any(one.quantity == "i" and one.family != AMPERES for found in candidates for one in found)
-    return families >= {AMPERES, "123"} and not others
+    return families >= {AMPERES, "123"} or (units == {"A"} and numbered[AMPERES] == numbered["123"])
 
 
 def _candidates(channel: Channel, machine: bool) -> list[Reading]:
@@ -149,7 +203,7 @@ def _rank(one: Reading, channel: Channel, whole: set[_Key]) -> int:
         return 3
     if re.fullmatch(r"(?i)[uvi]_?ac\d*", channel.name.strip()) and (one.kind == "line" or not channel.phase):
         return 0  # an alternating voltage
-    if one.family in _ALONE:
+    if one.family in (*_ALONE, AMPERES):
         return 2
     return 1 if one.phases == (1,) and one.kind == "phase" else 0  # R and U are the first of their families
 

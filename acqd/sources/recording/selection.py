@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -83,6 +84,7 @@ def chosen(recording: Recording, roles: list[Role]) -> Selection:
     for grouping in (_no_group, _by_name, _by_circuit, _by_both):
         found = _in_groups(recording, roles, grouping)
         if found is not None and not doubtful:
+            _refuse_strangers(recording, roles, found)
             return found
     lacking = recording.advice and {role.quantity for role in roles} < {"u", "i", ""}
     advice = f"; {recording.advice}" if lacking else ""
@@ -90,6 +92,39 @@ def chosen(recording: Recording, roles: list[Role]) -> Selection:
     raise InputError(recording.path, _ambiguity(recording, roles) + advice + notes)
 
 
+def _refuse_strangers(recording: Recording, roles: list[Role], found: Selection) -> None:
+    """Raises InputError where a voltage and a current are named like those of the phases, by a word that says none."""
+    if len(found.currents) == len(_PHASES):
+        return
+    taken = [channel for _, channel in found.keys]
+    strangers = [
+        k
+        for k, role in enumerate(roles)
+        if role.kind in ("unknown", "other") and any(_is_alike(recording, k, channel) for channel in taken)
+    ]
+    like = {roles[channel].quantity for k in strangers for channel in taken if _is_alike(recording, k, channel)}
+    if like == {"u", "i"}:
+        names = ", ".join(repr(recording.channels[k].name) for k in strangers[:_SHOWN])
+        listing = ", ".join(f"{k}={c.name}" for k, c in enumerate(recording.channels[:_LISTED]))
+        raise InputError(
+            recording.path,
+            f"has {names}, named like those of the phases, and which phase they are of is unknown; say which with "
+            f"--map u1=...,i1=..., such as {suggestion(roles)} ({recording.noun}s: {listing})",
+        )
+
+
+def _is_alike(recording: Recording, k: int, other: int) -> bool:
+    """Whether two channels have one unit and one name but for a short word: `Fase V` beside `Fase A`; not `U 4`."""
+    one, two = recording.channels[k], recording.channels[other]
+    words, others = (re.findall(r"[^\W_]+", channel.name.lower()) for channel in (one, two))
+    if len(words) < 2 or len(words) != len(others) or one.unit != two.unit:
+        return False
+    differing = [(a, b) for a, b in zip(words, others, strict=True) if a != b]
+    return len(differing) == 1 and all(len(word) < 3 for word in differing[0]) and differing[0][0] not in _NO_PHASES
+
+
+_NO_PHASES = ("n", "g", "e", "pe", *"0456789")
+"""Words that tell no phase from another one."""
 _Grouping = Callable[[Recording, int, Role], str]
 
 

@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
-from acqd.sources.recording.label import readings
+from acqd.sources.recording.label import readings, says_a_quantity_alone
 
 Quantity = Literal["u", "i", "t", ""]
 """Voltage, current, time; empty: another quantity, or none that is known."""
@@ -21,8 +21,8 @@ _PREFIX = {"": 1.0, "k": 1e3, "K": 1e3, "M": 1e6, "m": 1e-3, "µ": 1e-6, "μ": 1
 _NAMED_PREFIX = {"kilo": 1e3, "mega": 1e6, "milli": 1e-3, "micro": 1e-6, "nano": 1e-9, "pico": 1e-12}
 _SYMBOL: dict[str, Quantity] = {"V": "u", "v": "u", "A": "i", "a": "i", "s": "t", "S": "t"}
 _NAME: dict[str, Quantity] = {
-    **dict.fromkeys(("volt", "volts", "vac"), "u"),
-    **dict.fromkeys(("amp", "amps", "ampere", "amperes", "ampère", "ampères", "aac"), "i"),
+    **dict.fromkeys(("volt", "volts", "vac", "v ac"), "u"),
+    **dict.fromkeys(("amp", "amps", "ampere", "amperes", "ampère", "ampères", "aac", "a ac"), "i"),
     **dict.fromkeys(("sec", "secs", "second", "seconds", "sek", "sekunde", "sekunden", "seconde", "secondes"), "t"),
 }
 _CYRILLIC = str.maketrans("ВАскмн", "VAskmn")
@@ -115,7 +115,9 @@ def _name(lower: str) -> Unit | None:
 
 
 _BRACKETS = re.compile(r"^(.*?)\s*[\[\(\{<]\s*([^\[\]\(\)\{\}<>]*?)\s*[\]\)\}>]\s*$")
-_GLUED = re.compile(r"^(.*[A-Za-z0-9])(?:(?<=\d)([uµμ][VA])|([mk][VA]))$")
+_GLUED = re.compile(r"^(?P<name>(?i:ch(?:annel)?\s?\d+))(?P<unit>[VA])$|"
+                    r"^(?P<stem>.*[A-Za-z0-9])(?P<small>(?<=\d)[uµμ][VA]|[mk][VA])$")  # fmt: skip
+"""`CH1V` of Rigol; `U1mV`, but not `UA`: a prefix tells a unit from a phase."""
 _TAIL = re.compile(r"^(.+?)(\s+in\s+|\s*/\s*|\s*,\s*|_|\s+)([^\s_/,]+)$", re.IGNORECASE)
 
 
@@ -123,8 +125,8 @@ def split_label(label: str, labels: Iterable[str] = ()) -> tuple[str, str]:
     """Name and unit of a header such as `u1 [kV]`, `Time (s)`, `U1/V`, `i1 in mA`, `t_ms`; the unit may be "".
 
     A tail without brackets is a unit only if the table has it: `I_A` is the current of phase A, `i1_A` a current in A,
-    `U_S` the voltage of phase S, `t_s` a time in s. `U / A` is a voltage of phase A and
-    `I / A` a current in A, unless one of the `labels` beside it is `I / B`.
+    `U_S` the voltage of phase S, `t_s` a time in s, `u_v` beside `u_u` and `u_w` that of phase V.
+    `U / A` is a voltage of phase A and `I / A` a current in A, unless one of the `labels` beside it is `I / B`.
     """
     text = label.strip().strip('"').strip()
     found = _BRACKETS.match(text)
@@ -137,14 +139,15 @@ def split_label(label: str, labels: Iterable[str] = ()) -> tuple[str, str]:
         return text, ""
     if alone := _unit_alone(text):
         return text, alone
-    if input_ := re.fullmatch(r"(?i)(ch(?:annel)?\s?\d+)([VA])", text):  # CH1V of Rigol
-        return input_.group(1), input_.group(2)
-    if glued := _GLUED.match(text):  # U1mV, but not UA: a prefix tells a unit from a phase
-        return glued.group(1), glued.group(2) or glued.group(3)
+    if glued := _GLUED.match(text):
+        return glued["name"] or glued["stem"], glued["unit"] or glued["small"]
+    if sensitivity := _SENSITIVITY.search(text):
+        return text, sensitivity[1]  # of a probe: the numbers may be its volts, or amperes
     tail = _TAIL.match(text)
     if tail and _is_unit(tail.group(3)):
         stem, between, last = tail.group(1).strip(), tail.group(2).strip().lower(), tail.group(3)
-        phase = between != "in" and _is_phase(tail.group(1), last)
+        machine = last in ("V", "v", "W", "w") and says_a_quantity_alone(stem) and _has_sibling(text, labels)
+        phase = between != "in" and (_is_phase(tail.group(1), last) or machine)
         if phase and between in ("/", ","):  # I / A, as ISO 80000-1 writes it
             phase = any(one.quantity == "u" for one in readings(stem)) or _has_sibling(text, labels)
         if not phase:
@@ -160,6 +163,10 @@ def _unit_alone(label: str) -> str:
     return found[2]
 
 
+_SENSITIVITY = re.compile(
+    r"(?<![A-Za-z])((?:\d+(?:[.,]\d+)?\s*[mkµμu]?|[mkµμu])V\s?/\s?[mk]?[AV]|\d+\s*[mk]?A\s?/\s?m?V)(?![A-Za-z])"
+)
+"""Of a probe, `100 mV/A`; `V / A` is a voltage of phase A."""
 _FACTOR = re.compile(
     r"(?:^|[\w\s)\]])[\s_(\[]*([*x×/]\s?(\d+(?:[.,]\d+)?)|(?<=[\s_(\[])(\d+)\s?[x×*])\s*[)\]]?(?:[\s_(\[]|$)"
 )
@@ -211,5 +218,5 @@ def _is_phase(stem: str, tail: str) -> bool:
 
 def _has_sibling(label: str, labels: Iterable[str]) -> bool:
     """Whether another label differs by the letter of another phase only: `Current/A` beside `Current/B`."""
-    others = {"A": "BC", "a": "bc", "S": "RT", "s": "rt"}.get(label[-1], "")
+    others = {"A": "BC", "a": "bc", "S": "RT", "s": "rt", "V": "UW", "v": "uw", "W": "UV", "w": "uv"}.get(label[-1], "")
     return not {label[:-1] + other for other in others}.isdisjoint(one.strip().strip('"').strip() for one in labels)

@@ -10,8 +10,10 @@ from acqd.errors import InputError
 from acqd.sources.recording.build import select
 from acqd.sources.recording.channel import Column, Recording
 from acqd.sources.recording.siblings import SAME_STEP, channel_number, siblings, skew
-from acqd.sources.text.export import Export, Text
+from acqd.sources.text.export import Export
 from acqd.sources.text.layout import Layout, find_layout, recognised
+from acqd.sources.text.lines import Text
+from acqd.sources.text.rows import Rows
 from acqd.sources.text.table import Table, are_units_alone, find_table, is_number, split_row
 from acqd.sources.text_file import encoding_of
 from acqd.sources.waveform import ChannelMap
@@ -31,7 +33,7 @@ def load(path: Path, given: ChannelMap) -> Recording:
 
 def _together(first: Export, others: list[Path], given: ChannelMap) -> Recording:
     """One recording of files with one channel each."""
-    recording, path = first.recorded, first.text.path
+    recording, path = first.recorded, first.rows.text.path
     step_s = 1 / recording.rate if recording.rate else 0.0
     taken, notes, left_out = [(path, first)], list(recording.notes), list[str]()
     for other in others:
@@ -85,7 +87,7 @@ def _read(path: Path, given: ChannelMap) -> Export:
         raise InputError(path, _no_table(head, layout))
     if grouped := next((name for name in table.names if _THOUSANDS.fullmatch(name)), None):
         raise InputError(path, f"has separators of thousands ({grouped}); export numbers without them")
-    export = Export(text, layout, table, head)
+    export = Export(Rows(text, layout, table, head))
     if not given.columns and (cut := _cut_by_commas(table, head)):
         raise InputError(path, cut)
     if not any(table.names) and not (given.columns and all(name.isdigit() for name in given.columns.values())):

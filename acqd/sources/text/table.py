@@ -24,7 +24,7 @@ _DATA = re.compile(r"(?i)(?:wave\s?form\s)?(?:data|daten|values)\b.*|begin.*")
 """A line of one field between the names and the numbers."""
 _LABELS = ("trace", "tracename", "channel", "channels", "ch", "signal", "name", "unit", "units", "vunit")
 """First field of a row of names or units where the rows of numbers have none."""
-_NO_UNITS = ("sequence", "no", "nr", "rn", "record", "ts", "time", "timestamp", "date", "datetime")
+_NO_UNITS = ("utc", "local", "sequence", "no", "nr", "rn", "record", "ts", "time", "timestamp", "date", "datetime")
 """What stands for the unit of a column of numbers of rows, or of stamps."""
 _TAKEN_AS = ("smp", "sample", "inst")
 """What data loggers write below the unit of a sample (Campbell TOA5)."""
@@ -88,6 +88,8 @@ def find_table(lines: list[str], layout: Layout) -> Table | None:
         width = len(_picked(_filled(split_row(lines[begin], separator)), layout))
         if width < 2 or (best is not None and (best.first, -best.width) <= (begin, -width)):
             continue
+        if separator == " " and best is not None and best.first == begin and best.separator in "\t;|":
+            continue  # spaces within fields, as between date and time
         best = Table(separator, decimal, begin, width=width)
     if best is None:
         return None
@@ -186,7 +188,7 @@ def _header_rows(table: Table, rows: list[list[str]], candidates: list[int], lay
     """The names above the table; a row of units below them is taken on the way."""
     for number, k in enumerate(candidates[:3]):
         row = _picked(rows[k], layout)
-        if not _fits(row, table.width):
+        if not _fits(row, table.width) and not (number == 0 and _are_units(row) and len(_filled(row)) < len(row)):
             return []
         below_name = number + 1 < len(candidates) and _fits(_picked(rows[candidates[number + 1]], layout), table.width)
         if not table.units and below_name and _are_units(row[: table.width]):
@@ -300,12 +302,18 @@ def factors(table: Table) -> list[str]:
     return found
 
 
+_PAIR = re.compile(r"(?i)(?:^|\s)CH?\d+:(\S+)")
+"""`CH1:V CH2:A` and `CH1:V, CH2:A` of Siglent."""
+
+
 def _named(table: Table, keys: tuple[str, ...]) -> list[str]:
     """Values of the first of these lines of the preamble."""
     for key in keys:
         if values := table.preamble.get(key_of(key)):
             if any(key_of(value) == key_of(key) for value in values):  # a table beside another: keys are in the columns
                 return ["", *("" if key_of(value) == key_of(key) else _bare(value) for value in values)]
+            if pairs := _PAIR.findall(" ".join(values)):
+                return _aligned(pairs, table.width)
             return _aligned([_bare(value.removeprefix("Analog:")) for value in _filled(values)], table.width)
     return []
 

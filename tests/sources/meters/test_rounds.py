@@ -168,6 +168,27 @@ def test_p_that_reads_0_for_a_moment_is_no_measurement_beside_s_and_pf():
     assert judge.judge(distorted, 2 * SECOND).values["L1.P"] == 230.0
 
 
+def without(values, *kinds):
+    return {name: value for name, value in values.items() if name.rpartition(".")[2] not in kinds}
+
+
+@pytest.mark.parametrize(("wrong", "caught"), [(0.0, True), (-414.0, True), (41.4, True), (380.0, False)])
+def test_one_answer_shows_that_the_phases_are_not_the_total(wrong, caught):
+    values = without(good(L2_P=wrong), "S", "PF")
+    judged = RoundJudge(230.0, one_moment=True).judge(values, 0)
+    assert [judged.values[name] is None for name in ("L1.P", "L2.P", "total.P")] == [caught] * 3
+    assert ("invalid" in judged.flags) == caught
+    assert (
+        not RoundJudge(230.0).judge(without(good(L2_P=41.4), "S", "PF"), 0).flags
+    )  # of two answers: a load may change
+
+
+@pytest.mark.parametrize("wrong", [0.0, 1.38, -0.1])
+def test_a_total_of_s_below_that_of_p_is_none(wrong):
+    judged = RoundJudge(230.0).judge(good(total_S=wrong), 0)
+    assert judged.values["total.S"] is None and judged.values["total.P"] == 1242.0 and judged.flags == {"invalid"}
+
+
 def swapped(value):
     """A float32 whose words are exchanged."""
     high, low = struct.unpack(">HH", struct.pack(">f", value))

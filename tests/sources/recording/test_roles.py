@@ -195,3 +195,38 @@ def test_letters_behind_a_slash_are_phases_beside_others_and_a_current_alone_is_
 def test_what_other_instruments_call_their_phases(text, expected):
     found = metered(text)
     assert [found[key] for key in sorted(found, key=lambda key: (key[1:], key[0] == "i"))] == expected.split()
+
+
+@pytest.mark.parametrize("field", ["1", "A", "-"])
+def test_a_phase_field_that_is_the_same_everywhere_says_nothing(field):
+    text = " ".join(f"{name}|{'VA'[name[0] == 'I']}|{field}" for name in ("Ua", "Ub", "Uc", "Ia", "Ib", "Ic", "Un"))
+    assert metered(text) == {"u1": "Ua", "u2": "Ub", "u3": "Uc", "i1": "Ia", "i2": "Ib", "i3": "Ic"}
+    assert metered(f"U|V|{field.replace('-', 'A')} I|A|{field.replace('-', 'A')}") == {"u1": "U", "i1": "I"}
+
+
+def test_arrays_are_numbered_from_0_and_letters_of_phases_may_be_cyrillic():
+    assert (
+        metered(" ".join(f"{name}[{k}]|{unit}" for name, unit in (("_ULN", "V"), ("I", "A")) for k in range(4)))["u3"]
+        == "_ULN[2]"
+    )
+    listed = [Channel(f"{q}_фаза_{x}", u) for q, u in (("Напряжение", "V"), ("Ток", "A")) for x in "АВС"]
+    assert [role.key for role in roles_of(listed)] == ["u1", "u2", "u3", "i1", "i2", "i3"]
+
+
+def test_what_is_named_like_the_phases_is_not_left_out():
+    with pytest.raises(InputError, match=r"named like those of the phases.*--map"):
+        metered(" ".join(f"{q}_Fase_{x}|{u}" for q, u in (("Tensao", "V"), ("Corrente", "A")) for x in "ABV"))
+    assert len(metered("U_Fase_A U_Fase_B U_Fase_N I_Fase_A I_Fase_B I_Fase_N")) == 4
+    assert metered("V1|V A1|A V2|V A2|A") == {"u1": "V1", "i1": "A1", "u2": "V2", "i2": "A2"}
+
+
+def test_units_in_names_and_words_in_phase_fields():
+    assert metered("VAY(kV)|kV VBY(kV)|kV VCY(kV)|kV IAW(A)|A IBW(A)|A ICW(A)|A")["i3"] == "ICW(A)"
+    assert metered("Current(A)|A Current(B)|A Current(C)|A V(A)|V V(B)|V V(C)|V")["i2"] == "Current(B)"
+    listed = channels("Voltage|V|PhA Voltage|V|PhB Voltage|V|PhC Current|A|PhA Current|A|PhB Current|A|PhC")
+    assert [role.key for role in roles_of(listed)] == ["u1", "u2", "u3", "i1", "i2", "i3"]
+    assert metered("VA|V VB|V VC|V IA-1|A IB-1|A IC-1|A IN-1|A")["i1"] == "IA-1"
+    names = ["u_u", "u_v", "u_w", "i_u", "i_v", "i_w"]
+    assert [split_label(name, names) for name in names] == [(name, "") for name in names]
+    assert split_label("u1_v", ["u1_v", "i1_a"]) == ("u1", "v")
+    assert split_label("L1_V", ["L1_V", "L1_A", "L1_W"]) == ("L1", "V")

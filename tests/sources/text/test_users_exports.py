@@ -47,6 +47,35 @@ READ = {
     ),
     "slash.csv": "Time / s,Vm1:Measured voltage / V,Am1:Measured current / A\n" + SECONDS,
     "tails.csv": "t_s,U_V,I_A\n" + SECONDS,
+    "gantner.csv": "Timestamp;U1;I1\nUTC;V;A\n"
+    + "".join(f"2024-03-09 08:07:06.{round(t * 1e6):06d};{u:.7g};{i:.7g}\n" for t, u, i in zip(T, U, I, strict=True)),
+    "mr8880.csv": '"Trigger time","\'24-03-09 08:07:06.000"\n"Time","CH1[V]","CH2[A]"\n"s","",""\n' + SECONDS,
+    "sds.csv": (
+        "Record Length,Analog:800\nSample Interval,Analog:1.0E-04\nVertical Units,CH1:V CH2:A\nSource,CH1,CH2\n"
+        "Second,Value,Value\n" + SECONDS
+    ),
+    "sds1000x_u.csv": (
+        "Record Length,Analog:800,\nSample Interval,Analog:1.000000E-04,\nVertical Units,CH1:V, CH2:A,,\n"
+        "Vertical Scale,1.00, 1.00,,\nHorizontal Units,us,\nSource,CH1,CH2\nSecond,Value,Value\n" + SECONDS
+    ),
+    "hilogger.csv": (
+        '"File name","WAVE0001.CSV","V 1.00"\n"Trigger Time","\'23-11-14 12:00:00"\n'
+        '"Ch","Mode","Range","Comment","Scaling","Ratio","Offset"\n"CH-1","Voltage","600V","mains","Off","-","-"\n'
+        '"CH-2","Current","10A","load","Off","-","-"\n"ALM","Alarm","",""\n'
+        '"Time","CH-1[V]","CH-2[A]","ALM-CH1","Event",\n' + table(T, U, I, row="{},{},{},0,0,")
+    ),
+    "owon.csv": (
+        "Channel :,CH1,CH2\nFrequency :,F=50Hz,F=50Hz\nProbe attenuation :,1X,1X\nTime interval :,100.00uS\n\n"
+        "index,CH1_Voltage(V),CH2_Current(A)\n"
+        + "".join(f"{k},{u:.7g},{i:.7g}\n" for k, (u, i) in enumerate(zip(U, I, strict=True)))
+    ),
+    "ca8336.csv": "CA8336\nTime (ms);V1 (V);A1 (A)\n" + table(1e3 * T, U, I, row="{};{};{}"),
+    "fluke_fr.csv": "Temps;Entrée A;Entrée B\ns;V;A\n" + SECONDS.replace(",", ";").replace(".", ","),
+    "messrate.csv": "Messrate [kHz];10\nSpannung [V];Strom [A]\n" + table(U, I, row="{};{}").replace(".", ","),
+    "labview_stamps.csv": "time\tU [V]\tI [A]\n"
+    + "".join(f"09/13/2024 08:07:06.{round(t * 1e6):06d}\t{u:.7g}\t{i:.7g}\n" for t, u, i in zip(T, U, I, strict=True)),
+    "results_below.csv": "t,u,i\n" + SECONDS + "\nMean,0.0,0.0\nEnd of file\n",
+    "ac.csv": "t [s],U [V AC],I [A AC]\n" + SECONDS,
     "iec61850.csv": "t,TVTR1.VolSv.instMag.i,TCTR1.AmpSv.instMag.i\n" + SECONDS,
 }
 
@@ -57,7 +86,23 @@ def test_read(tmp_path, name):
     waveform = load_waveform(tmp_path / name, ChannelMap())
     assert waveform.form.rate == pytest.approx(RATE) and waveform.form.phases == 1
     np.testing.assert_allclose(waveform.codes * waveform.form.scale, np.stack((U, I), axis=1), rtol=1e-5, atol=1e-4)
-    assert ("1 left out" in " ".join(waveform.notes)) == (name == "first_row_empty.csv")
+    said = " ".join(waveform.notes)
+    assert ("1 left out" in said) == (name == "first_row_empty.csv")
+    assert ("lines below its table: 2 left out ('Mean,0.0,0.0')" in said) == (name == "results_below.csv")
+    dated = {"waveforms.csv": 1_699_963_200, "gantner.csv": 1_709_971_626, "mr8880.csv": 1_709_971_626}
+    if name in dated:
+        assert waveform.start_utc_ns == dated[name] * 10**9
+
+
+@pytest.mark.parametrize("lost", [1, 400])
+def test_rows_that_are_missing_are_a_gap_also_where_times_have_no_more_digits_than_they_need(tmp_path, lost):
+    kept = np.r_[0:300, 300 + lost : 800]
+    (tmp_path / "a.csv").write_text("t [s],u,i\n" + table(T[kept], U[kept], I[kept], row="{},{},{}"))
+    if lost == 1:  # rounding of a slower clock looks alike
+        with pytest.raises(InputError, match="too coarsely"):
+            load_waveform(tmp_path / "a.csv", ChannelMap())
+        return
+    assert load_waveform(tmp_path / "a.csv", ChannelMap()).breaks == ((300, lost),)
 
 
 @pytest.mark.parametrize(
@@ -109,6 +154,8 @@ REFUSED = {
     "thousands.csv": ("time [s],u1 [V],i1 [mA]\n" + table(T, U, np.full(800, 6), row='{},{},"1,03{}.0"'), "thousand"),
     "over_range.csv": ("time [s],u1 [V],i1 [A]\n" + SECONDS + "0.08,∞,1\n", r"row 802, column 2: '∞' is beyond"),
     "commas.csv": ("time,u1,i1\n" + SECONDS.replace(".", ","), "names 3 columns, and the rows below have"),
+    "second_table.csv": ("t,u,i\n" + SECONDS + "\nt,u,i\n" + SECONDS, r"row 803, column 1: 't' is not a number"),
+    "probe.csv": ("t [s],u [V],i [V] 10mV/A\n" + SECONDS, "its unit '10mV/A' is unknown"),
     "two_letters.csv": ("a12,b\n" + table(T, U, row="{},{}"), "no voltage and current pair"),
 }  # fmt: skip
 

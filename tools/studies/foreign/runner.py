@@ -15,6 +15,9 @@ from typing import Any
 from tools.studies.foreign.cases import Case, World, make_after, make_before
 from tools.studies.foreign.steps import Commands, InThisProcess, StepError, Steps, judged_tree
 
+_WORKED_MIN = 60.0
+"""Work before the session before: its gears have 0.9 to 1.0 of their working warmth (`generator.plant`)."""
+
 
 @dataclass(frozen=True, slots=True)
 class Runner:
@@ -82,7 +85,7 @@ class Runner:
         files = make_before(self.world, _parent(self.data) / "before")
         dataset = self.work / "before.ds"
         shutil.rmtree(dataset, ignore_errors=True)
-        self.build(files, dataset)
+        self.build(files, dataset, worked_min=_WORKED_MIN)
         self.steps.train(dataset, bundle)
         return bundle
 
