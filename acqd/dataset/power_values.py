@@ -60,7 +60,9 @@ def no_values(P: Floats) -> tuple[NDArray[np.bool_], float] | None:
         *([(len(distinct) - 1, distinct[-1] - distinct[-2])] if highest else []),
     ):
         same = values == distinct[place]
-        if not _LEAST_ROWS <= same.sum() <= _MOST_SHARE * len(values) or gap <= _FAR * usual:
+        # the only power below 0 is no value of a meter that knows no negative power
+        far_W = usual if place == 0 and distinct[0] < 0 < distinct[1] else _FAR * usual
+        if not _LEAST_ROWS <= same.sum() <= _MOST_SHARE * len(values) or gap <= far_W:
             continue
         runs = runs_of_true(same)
         before = [values[start - 1] for start, _ in runs if start]
@@ -68,7 +70,7 @@ def no_values(P: Floats) -> tuple[NDArray[np.bool_], float] | None:
             continue  # power goes down to 0 there: the meter knows no negative power
         jumps = [abs(values[start] - values[start - 1]) for start, _ in runs if start]
         alone = max(end - start for start, end in runs) <= _LONGEST
-        if alone and len(jumps) >= _LEAST_ROWS and float(np.median(jumps)) > _FAR * usual:
+        if alone and len(jumps) >= _LEAST_ROWS and float(np.median(jumps)) > far_W:
             rows = np.zeros(len(P), bool)
             rows[known[same]] = True
             return rows, float(distinct[place])

@@ -12,7 +12,7 @@ from acqd.dataset.log_power import require_drawn, small_power
 from acqd.dataset.power import PowerStream
 from acqd.dataset.power_values import large_power
 from acqd.errors import UserError
-from acqd.robot.columns import speed_fault, stuck, temperature_fault
+from acqd.robot.columns import TITLES, at_zero, judged
 from acqd.robot.description import RobotDescription
 from acqd.robot.doubtful_rows import bridged, doubtful_rows
 from acqd.robot.garbled import FEW, beyond_limit, impossible_jump, limits, reach
@@ -21,9 +21,6 @@ from acqd.robot.motion_quality import MotionQuality
 from acqd.robot.resolution import smoothed, smoothing_of, steps_of
 from acqd.robot.unwrapping import unwrapped
 
-_MOVED = 0.05
-"""rad or m that a joint covers at least where its speed, torque and current cannot stay zero."""
-_TITLES = {"qd": "speed", "tau": "torque", "current": "current", "temperature": "temperature"}
 _LONGEST_S = 0.25
 """Angles are not interpolated between known rows that are farther apart."""
 
@@ -76,30 +73,25 @@ def without_unusable(
     quality: MotionQuality,
 ) -> MotionQuality:
     """Removes columns that were not measured, or contradict the angles, as reading a log does; what was found."""
-    unmeasured, unusable = [], []
-    moves = np.ptp(q[known], axis=0) > _MOVED if known.any() else np.zeros(robot.axes, bool)
-    for quantity, title in _TITLES.items():
-        names = [f"{quantity}{axis + 1}" for axis in range(robot.axes)]
-        there = [name for name in names if name in columns]
-        if not there:
-            continue
-        fault = ""
-        if len(there) < len(names):
-            fault = f"the {title} of {robot.axes - len(there)} of {robot.axes} joints is missing"
-        values = np.column_stack([columns[name] for name in there])[known]
-        if not fault and len(values) and (axes := stuck(quantity, values, moves)).any():
-            which = "every joint" if axes.all() else robot.joint[int(axes.argmax())].name
-            unmeasured.append(f"the {title} of {which}")
-        elif not fault and quantity == "qd":
-            fault = speed_fault(time_ns[known].astype(np.float64) * 1e-9, q[known], values, robot)
-        elif not fault and quantity == "temperature":
-            fault = temperature_fault(values)
-        if fault:
-            unusable.append(fault)
-        if fault or (unmeasured and unmeasured[-1].startswith(f"the {title}")):
-            for name in there:
-                del columns[name]
-    return replace(quality, unmeasured=tuple(unmeasured), unusable=tuple(unusable))
+    names = {name: [f"{name}{axis + 1}" for axis in range(robot.axes)] for name in TITLES}
+    there = {name: [column for column in of_axes if column in columns] for name, of_axes in names.items()}
+    parts = {name: robot.axes - len(of_axes) for name, of_axes in there.items() if 0 < len(of_axes) < robot.axes}
+    values = {
+        name: np.column_stack([columns[column] for column in of_axes])[known]
+        for name, of_axes in there.items()
+        if len(of_axes) == robot.axes
+    }
+    judgement = judged(time_ns[known].astype(np.float64) * 1e-9, q[known], values, robot)
+    for name in [*parts, *judgement.gone]:
+        for column in there[name]:
+            del columns[column]
+    missing = [f"the {TITLES[name]} of {count} of {robot.axes} joints is missing" for name, count in parts.items()]
+    return replace(
+        quality,
+        zero=at_zero(q[known], robot),
+        unmeasured=tuple(judgement.unmeasured.values()),
+        unusable=(*missing, *judgement.unusable.values()),
+    )
 
 
 def require_power(P: Floats, valid: NDArray[np.bool_], step_ns: float, robot: RobotDescription) -> None:

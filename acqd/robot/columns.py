@@ -1,6 +1,13 @@
-"""Whether the other columns of a log fit its angles: quantities that stay constant, speeds, temperatures."""
+"""Whether the other columns of a log are measurements that fit its angles.
+
+What a driver does not measure it publishes all the same: zeros, one number, the last value again. A moving arm has no
+such torques, currents or speeds, so that they count as not measured. Quantities that are measured, in another unit or
+of another sign than the angles say, are left out with the reason.
+"""
 
 from __future__ import annotations
+
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,6 +15,12 @@ from numpy.typing import NDArray
 from acqd.arrays import Floats
 from acqd.robot.description import RobotDescription
 
+TITLES = {"qd": "speed", "tau": "torque", "current": "current", "temperature": "temperature"}
+"""Quantities of single joints, as a user calls them."""
+MOVED = 0.05
+"""rad or m that a joint covers at least in a log in which its speed, torque and current cannot stay zero."""
+_ZERO = 1e-6
+"""Nm, N, A or rad/s: numbers so small are those of a driver's arithmetic."""
 _MANY_ROWS = 200
 """Rows over which no measured torque or current of a moving joint has one value only."""
 _SLOWEST = 0.05
@@ -19,6 +32,57 @@ _SPEED = (0.7, 1.4)
 """Speed over the slope of the angle: filters of the controller and the rows between change it by less."""
 _KELVIN = 200.0
 """degC that no joint reaches."""
+_COLDEST = -60.0
+"""degC below which no robot works."""
+_OTHER_MOTION = 0.5
+"""Change of a joint's speed, over its usual size, since the values were last refreshed: torques must have changed."""
+_OUTAGE = 20
+"""Rows beside one another, up to which a number that all joints have is that of an outage."""
+_SOME, _SOME_ROWS = 0.005, 5
+"""Share of the rows in motion, and their number, from which on a quantity with such rows counts as not measured."""
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """What is wrong with the quantities of a log."""
+
+    unmeasured: dict[str, str] = field(default_factory=dict)
+    """Quantity -> whose values never change: "the torque of elbow"."""
+    unusable: dict[str, str] = field(default_factory=dict)
+    """Quantity -> why it cannot be used."""
+
+    @property
+    def gone(self) -> set[str]:
+        """Quantities that count as not measured."""
+        return self.unmeasured.keys() | self.unusable.keys()
+
+
+def judged(time: Floats, q: Floats, values: dict[str, Floats], robot: RobotDescription) -> Judged:
+    """What is wrong with quantities `qd`, `tau`, `current`, `temperature` [T, axes] at rising times [T] s.
+
+    `q` [T, axes]: the angles of the same rows.
+    """
+    unmeasured, unusable = {}, {}
+    moves = np.ptp(q, axis=0) > MOVED if len(q) else np.zeros(robot.axes, bool)
+    for name, of_joints in values.items():
+        constant = stuck(name, of_joints, moves) if len(of_joints) else np.zeros(len(moves), bool)
+        if constant.any():
+            which = "every joint" if constant.all() else robot.joint[int(constant.argmax())].name
+            unmeasured[name] = f"the {TITLES[name]} of {which}"
+            continue
+        fault = temperature_fault(of_joints) if name == "temperature" else _outages(time, q, of_joints, moves)
+        if name == "qd" and not fault:
+            fault = speed_fault(time, q, of_joints, robot)
+        if fault:
+            unusable[name] = fault if name != "tau" and name != "current" else f"the {TITLES[name]} {fault}"
+    return Judged(unmeasured, unusable)
+
+
+def at_zero(q: Floats, robot: RobotDescription) -> tuple[str, ...]:
+    """Joints whose angle of angles [T, axes] is 0 in every row while others move: at rest there, or not measured."""
+    if not len(q) or not (np.ptp(q, axis=0) > MOVED).any():
+        return ()
+    return tuple(robot.joint[axis].name for axis in np.flatnonzero((q == 0.0).all(axis=0)))
 
 
 def stuck(name: str, values: Floats, moves: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -29,7 +93,44 @@ def stuck(name: str, values: Floats, moves: NDArray[np.bool_]) -> NDArray[np.boo
     if name == "temperature":
         return np.full(len(moves), bool((values == 0.0).all() or (values == -1.0).all()))
     often = len(values) >= _MANY_ROWS
-    return np.asarray(moves & (np.ptp(values, axis=0) == 0.0) & (often | (values[0] == 0.0)))
+    zero = np.abs(values).max(axis=0) < _ZERO
+    return np.asarray(moves & (zero | (often & (np.ptp(values, axis=0) == 0.0))))
+
+
+def _outages(time: Floats, q: Floats, values: Floats, moves: NDArray[np.bool_]) -> str:
+    """Which rows in motion hold values [T, axes] that were not measured; empty with few of them."""
+    if len(time) < _MANY_ROWS or not moves.any() or not np.isfinite(values).all():
+        return ""
+    slope = np.gradient(q[:, moves], time, axis=0)
+    usual = np.sqrt((slope**2).mean(axis=0))
+    moving = (np.abs(slope) > usual / 2).any(axis=1)
+    one_number = np.ptp(values, axis=1) == 0.0 if values.shape[1] > 1 else np.abs(values[:, 0]) < _ZERO
+    other = np.flatnonzero(~one_number)
+    fewest = max(_SOME * moving.sum(), _SOME_ROWS)
+    if one_number.any() and len(other) > 1:
+        rows = np.flatnonzero(one_number & moving)
+        at = np.clip(np.searchsorted(other, rows), 1, len(other) - 1)
+        before, after = other[at - 1], other[at]
+        size = float(np.median(np.linalg.norm(values[other], axis=1)))
+        beside = [np.linalg.norm(values[near] - values[rows], axis=1) > size / 2 for near in (before, after)]
+        count = int((beside[0] & beside[1] & (after - before <= _OUTAGE + 1)).sum())
+        if count > fewest:
+            number = float(np.median(values[rows, 0]))
+            return (
+                f"is {number:.4g} for all joints in {count} of {moving.sum()} rows in motion, and another beside them"
+            )
+    changes = np.concatenate([[True], (np.diff(values, axis=0) != 0).any(axis=1)])
+    rows = np.arange(len(time))
+    since = np.maximum.accumulate(np.where(changes, rows, 0))
+    then = slope[np.minimum(since + 2, rows)]  # the slope of a row reaches to its neighbours
+    old = moving & ~changes & (np.abs(slope - then) > _OTHER_MOTION * usual).any(axis=1)
+    if old.sum() > fewest:
+        longest = float((time - time[since])[old].max())
+        return (
+            f"stays as it was in {old.sum()} of {moving.sum()} rows in which the motion changes, for up to "
+            f"{longest:.2g} s"
+        )
+    return ""
 
 
 def speed_fault(time: Floats, q: Floats, qd: Floats, robot: RobotDescription) -> str:
@@ -66,6 +167,21 @@ def _speed_ratios(time: Floats, q: Floats, qd: Floats) -> dict[int, float]:
 def temperature_fault(values: Floats) -> str:
     """Why temperatures [T, axes] are not in degC; empty if they may be."""
     known = values[np.isfinite(values)]
-    if len(known) and np.median(known) > _KELVIN:
-        return f"temperatures of {np.median(known):.0f} are not degC: in K?"
-    return ""
+    usual = float(np.median(known)) if len(known) else 0.0
+    if usual > _KELVIN:
+        return f"temperatures of {usual:.0f} are not degC: in K?"
+    return f"temperatures of {usual:.0f} degC are none of a robot that works" if usual < _COLDEST else ""
+
+
+def on_off(values: Floats) -> Floats | None:
+    """A signal [T] as 0 and 1, from any two levels of which one is 0, or -1; None for other values.
+
+    Values between 0 and 1 (resampled ones) and NaN stay.
+    """
+    known = np.unique(values[np.isfinite(values)])
+    if not len(known) or (known[0] >= 0.0 and known[-1] <= 1.0):
+        return values
+    if len(known) > 2 or (known[0] < 0.0 and len(known) == 1) or (len(known) == 2 and not {0.0, -1.0} & {*known}):
+        return None
+    on = float(known[np.abs(known).argmax()]) if 0.0 in known or len(known) == 1 else float(known[-1])
+    return np.where(np.isfinite(values), (values == on).astype(np.float64), np.nan)

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from acqd.arrays import Floats
 from acqd.errors import InputError
 from acqd.robot.bag import is_bag, read_bag
-from acqd.robot.columns import angle_fault, speed_fault, stuck, temperature_fault
+from acqd.robot.clock_fault import clock_fault
+from acqd.robot.columns import TITLES, angle_fault, at_zero, judged, on_off
 from acqd.robot.description import LogColumns, RobotDescription
 from acqd.robot.doubtful_rows import doubtful_rows
 from acqd.robot.garbled import FEW, garbled_rows, impossible_jump, reach
@@ -24,14 +25,9 @@ from acqd.robot.log_layout import LABELS, PER_AXIS, Columns, layout_of, more_axe
 from acqd.robot.log_times import rebuilt, require_one_clock
 from acqd.robot.motion_quality import MotionQuality
 from acqd.robot.resolution import smoothed, smoothing_of, steps_of
-from acqd.robot.row_clock import clock_fault
 from acqd.robot.table import Table, read_table
 from acqd.robot.tool_point import check_tool_point
 from acqd.robot.unwrapping import unwrapped
-
-_MOVED = 0.05
-"""rad or m that a joint covers at least in a log in which its speed, torque and current cannot stay zero."""
-_TITLES = {"qd": "speed", "tau": "torque", "current": "current", "temperature": "temperature"}
 
 
 def read_log(path: Path, robot: RobotDescription) -> RobotLog:
@@ -58,6 +54,8 @@ def log_of(path: Path, table: Table, robot: RobotDescription) -> RobotLog:
     faults = garbled_rows(log.time, log.q, robot) | table.broken
     known = np.isfinite(log.q).all(axis=1) | ~np.isfinite(log.time)  # angles of other rows were not measured
     garbled = sum(bool(known[row]) for row in faults)
+    if not faults and len(log.time) < 2:
+        raise InputError(path, "has one row of numbers; expected a recording of seconds")
     if garbled > FEW * len(log.time) or len(faults) > len(log.time) - 2:
         raise InputError(path, refusal(table, log.q, faults, robot))
     kept = np.ones(len(log.time), bool)
@@ -65,7 +63,8 @@ def log_of(path: Path, table: Table, robot: RobotDescription) -> RobotLog:
     stale = _frozen(log, kept, robot)
     kept &= ~stale.any(axis=1)
     if not kept.all():
-        recorded, log = recorded[kept], replace(log.part(kept, path), note=note(table, faults))
+        remarks = filter(None, [log.note, note(table, faults)])
+        recorded, log = recorded[kept], replace(log.part(kept, path), note="; ".join(remarks))
         table = replace(table, lines=table.lines[kept])
         point = None if point is None else point[kept]
     require_one_clock(log, table, robot)
@@ -144,21 +143,11 @@ def _trusted(log: RobotLog, robot: RobotDescription, found: MotionQuality, q_ste
         fault = replace(fault, text=f"row {table.line(int(rows[new[fault.row]]))}: {fault.text}")
     if fault is not None and fault.refused:
         raise InputError(log.path, fault.text)
-    moves = np.ptp(log.q, axis=0) > _MOVED
-    known = {name: values for name in _TITLES if (values := getattr(log, name)) is not None and len(values)}
-    constant = {name: axes for name, values in known.items() if (axes := stuck(name, values, moves)).any()}
-    unmeasured = tuple(
-        f"the {_TITLES[name]} of {'every joint' if axes.all() else robot.joint[int(axes.argmax())].name}"
-        for name, axes in constant.items()
-    )
-    unusable = {}
-    if log.qd is not None and "qd" not in constant:
-        if degrees := angle_fault(stamps[new], log.q[rows[new]], log.qd[rows[new]], robot):
-            raise InputError(log.path, degrees)
-        unusable["qd"] = speed_fault(stamps[new], log.q[rows[new]], log.qd[rows[new]], robot)
-    if log.temperature is not None and "temperature" not in constant:
-        unusable["temperature"] = temperature_fault(log.temperature)
-    unusable = {name: fault for name, fault in unusable.items() if fault}
+    values = {name: column[rows[new]] for name in TITLES if (column := getattr(log, name)) is not None}
+    judgement = judged(stamps[new], log.q[rows[new]], values, robot)
+    speeds = values.get("qd") if "qd" not in judgement.unmeasured else None
+    if speeds is not None and (degrees := angle_fault(stamps[new], log.q[rows[new]], speeds, robot)):
+        raise InputError(log.path, degrees)
     good = ~doubts.any
     smoothing = smoothing_of(stamps[good], log.q[rows[good]], q_step, robot.speed)
     if smoothing:
@@ -171,13 +160,14 @@ def _trusted(log: RobotLog, robot: RobotDescription, found: MotionQuality, q_ste
         by_itself=found.by_itself,
         frozen=found.frozen,
         frozen_rows=found.frozen_rows,
-        unmeasured=unmeasured,
-        unusable=tuple(unusable.values()),
+        zero=at_zero(log.q[rows], robot),
+        unmeasured=tuple(judgement.unmeasured.values()),
+        unusable=tuple(judgement.unusable.values()),
         rebuilt=found.rebuilt,
         fault=fault,
         smoothing=smoothing,
     )
-    gone: dict[str, Any] = dict.fromkeys([*constant, *unusable])
+    gone: dict[str, Any] = dict.fromkeys(judgement.gone)
     log = replace(log, quality=quality, **gone)
     if not quality.bad:
         return log
@@ -203,11 +193,14 @@ def _assemble(path: Path, table: Table, layout: LogColumns, columns: Columns) ->
     clock, q = values("time"), values("q")
     assert clock is not None and q is not None
     time = clock[:, 0] + clock[:, 1] * 1e-9 if clock.shape[1] == 2 else clock[:, 0] * layout.time_unit_s
-    signals = {name: column for name in ("tool", "brake") if (column := single(name)) is not None}
+    levels = {name: on_off(column) for name in ("tool", "brake") if (column := single(name)) is not None}
+    signals = {name: column for name, column in levels.items() if column is not None}
+    others_than = " and ".join(name for name, column in levels.items() if column is None)
+    note = f"{others_than} holds other values than 0 and 1, and is not used" if others_than else ""
     there = {name: column for name in PER_AXIS[1:] if (column := values(name)) is not None}
     others: dict[str, Any] = {name: column for name, column in there.items() if np.isfinite(column).any()}
     power, voltage, current = single("power"), single("bus_voltage"), single("bus_current")
     if power is None and voltage is not None and current is not None:
         power = voltage * current
     labels = {name: table.texts(columns[name][0]) for name in LABELS if name in columns}
-    return RobotLog(path, time, q, **others, signals=signals, labels=labels, power=power, voltage=voltage)
+    return RobotLog(path, time, q, **others, signals=signals, labels=labels, power=power, voltage=voltage, note=note)

@@ -7,11 +7,12 @@ from dataclasses import replace
 import numpy as np
 
 from acqd.errors import InputError
+from acqd.robot.clock_fault import set_back
 from acqd.robot.description import RobotDescription
 from acqd.robot.garbled import clock_restart
 from acqd.robot.log import RobotLog
 from acqd.robot.resolution import steps_of
-from acqd.robot.row_clock import LateStamps, late_stamps, set_back
+from acqd.robot.row_clock import LateStamps, late_stamps
 from acqd.robot.table import Table
 from acqd.rounded_times import Rebuilt, rebuilt_times, shared_stamps
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from acqd.robot.clock_fault import ClockFault
 from acqd.robot.resolution import Smoothing
-from acqd.robot.row_clock import ClockFault, LateStamps
+from acqd.robot.row_clock import LateStamps
 from acqd.rounded_times import Rebuilt
 
 _NOTEWORTHY = 0.002
@@ -39,6 +40,8 @@ class MotionQuality:
     """Joints whose angle stays for some rows while the joint moves on."""
     frozen_rows: int = 0
     """Rows that were left out because of them."""
+    zero: tuple[str, ...] = ()
+    """Joints whose angle is 0 in every row while others move."""
     unmeasured: tuple[str, ...] = ()
     """Quantities that do not change while the arm moves: "the torque of every joint"."""
     unusable: tuple[str, ...] = ()
@@ -90,6 +93,7 @@ class MotionQuality:
             "refreshed_by_itself": list(self.by_itself),
             "frozen": list(self.frozen),
             "frozen_rows": self.frozen_rows,
+            "zero": list(self.zero),
             "unmeasured": list(self.unmeasured),
             "unusable": list(self.unusable),
             "shared_stamps": self.rebuilt.shared if self.rebuilt else 0,
@@ -115,6 +119,11 @@ class MotionQuality:
             found.append(
                 f"{self.frozen_rows} rows are left out in which the angle of {', '.join(self.frozen)} stays, and then "
                 "jumps: its message or register was not refreshed"
+            )
+        if self.zero:
+            found.append(
+                f"the angle of {', '.join(self.zero)} is 0 in every row: if the driver does not know it, gravity and "
+                "the order of the axes are wrong"
             )
         found += [f"{each} never changes while the arm moves, and counts as not measured" for each in self.unmeasured]
         found += [f"{each}: left out" for each in self.unusable]

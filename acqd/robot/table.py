@@ -138,6 +138,8 @@ def _numbers(path: Path, name: str, column: Any) -> Floats:
         return np.asarray(column.cast(pyarrow.uint8()).cast(pyarrow.float64()).to_numpy())
     if types.is_string(kind) or types.is_large_string(kind):
         return np.array([np.nan if cell is None else number_in(cell.strip()) for cell in column.to_pylist()])
+    if types.is_dictionary(kind):
+        return _numbers(path, name, column.cast(kind.value_type))
     if types.is_nested(kind) and name in _POSES:
         raise InputError(
             path, f"column {name} holds lists; expected one number in each cell: write a column for each joint"

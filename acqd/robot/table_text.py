@@ -30,6 +30,11 @@ _CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1f]")
 """Bytes that no text has."""
 _TITLES = 20
 """Lines before the header that may be titles."""
+_INVISIBLE = dict.fromkeys(map(ord, "\u200b\u2060\ufeff"))
+"""Characters without width, which come with text that was copied from a page."""
+_OTHER_SIGNS = re.compile(r"[+\-\u2212]?[\d.]+(?:[eEdD][+\-\u2212]?\d+)?")
+_PLAIN_SIGNS = {ord("\u2212"): "-", ord("D"): "E", ord("d"): "e"}
+"""The minus of typography, and Fortran's exponents of double precision."""
 _LIST = re.compile(r"[\[(]\s*[-+.\d]")
 """The beginning of a list of numbers in a cell."""
 
@@ -171,9 +176,9 @@ class _Layout:
 
     @classmethod
     def of(cls, line: str, words: Collection[str] = ()) -> _Layout:
-        first = line.strip().lstrip("%#").strip()
+        first = line.translate(_INVISIBLE).strip().lstrip("%#").strip()
         bare = _QUOTED.sub("", first) or first
-        separator = next((mark for mark in ";\t," if mark in bare), None)
+        separator = next((mark for mark in ";\t|," if mark in bare), None)
         cells = split(first, separator)
         named = not all(_is_number(cell, separator) for cell in cells)
         columns = tuple(k for k, cell in enumerate(cells) if cell in words) if named else ()
@@ -252,7 +257,8 @@ def number_in(cell: str) -> float:
     except ValueError:
         pass
     if not _DATE.match(cell):
-        return float("nan")
+        plain = cell.translate(_PLAIN_SIGNS)
+        return number_in(plain) if plain != cell and _OTHER_SIGNS.fullmatch(cell) else float("nan")
     try:
         moment = datetime.fromisoformat(cell)
     except ValueError:

@@ -29,6 +29,15 @@ def test_a_number_that_stands_for_no_value_is_not_measured(number):
     np.testing.assert_array_equal(found[0], rows)
 
 
+def test_the_only_power_below_0_is_no_value_also_where_the_power_changes_fast():
+    power = POWER + np.abs(np.random.default_rng(2).normal(0, 12, len(POWER)))
+    rows = np.random.default_rng(1).random(len(POWER)) < 0.02
+    found = no_values(np.where(rows, -1.0, power))
+    assert found is not None
+    np.testing.assert_array_equal(found[0], rows)
+    assert no_values(np.round(power - 60)) is None  # a drive that feeds back
+
+
 def test_values_of_a_robot_that_is_off_or_of_a_meter_with_few_digits_stay():
     off = POWER.copy()
     off[500:900] = 0.0

@@ -25,6 +25,9 @@ ROWS = "".join(f"{t:.3f},{np.sin(t):.6f},0.1,0.2,0.3,0.4,0.5\n" for t in T)
         "sep=,\n" + HEADER + ROWS,
         HEADER + ROWS.replace("\n", ",\n"),
         (HEADER + ROWS).encode("utf-16"),
+        (HEADER + ROWS).replace(",", "|"),
+        "\u200b" + HEADER + ROWS.replace("-", "\u2212"),
+        HEADER + "".join(f"{t:.3f},{np.sin(t):.9E},0.1,0.2,0.3,0.4,0.5\n".replace("E", "D") for t in T),
     ],
 )
 def test_titles_separators_at_line_ends_and_utf_16_are_read(tmp_path, text):
@@ -43,6 +46,7 @@ def test_titles_separators_at_line_ends_and_utf_16_are_read(tmp_path, text):
         (b"version https://git-lfs.github.com/spec/v1\noid", "git lfs pull"),
         (b"<!DOCTYPE html><html>", "download the file itself"),
         (HEADER.replace("q", "Q").encode() + ROWS.encode(), "in small letters, without units"),
+        ((HEADER + ROWS.splitlines()[0]).encode(), "has one row of numbers"),
         (b"time,q0,q1,q2,q3,q4,q5\n" + ROWS.encode(), "counts its axes from 0"),
         (("time,A1,A2,A3,A4,A5,A6\n" + ROWS).encode(), r'if 6 numbered columns .* angles = "deg" for degrees'),
         (

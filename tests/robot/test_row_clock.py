@@ -8,12 +8,13 @@ from scipy.interpolate import CubicSpline
 
 from acqd.dataset.log_check import check_log
 from acqd.errors import InputError
+from acqd.robot.clock_fault import clock_fault
 from acqd.robot.description import load_description
 from acqd.robot.doubtful_rows import doubtful_rows
 from acqd.robot.joint_refresh import between_refreshes, frozen
 from acqd.robot.log_reader import log_of, read_log
 from acqd.robot.resolution import steps_of
-from acqd.robot.row_clock import clock_fault, even_times, late_stamps
+from acqd.robot.row_clock import even_times, late_stamps
 from acqd.robot.table import Table
 from tests.places import ROBOT_LOGS
 
@@ -110,6 +111,15 @@ def test_poses_that_a_faster_recorder_holds_get_the_rate_of_the_controller(real)
     fast = np.abs(np.gradient(expected, log.time, axis=0)[moving]) > 0.3
     assert abs(np.median(off[fast])) < log.quality.age_error_s + 0.005
     assert np.std(off[fast]) < 0.005
+
+
+@pytest.mark.parametrize("pose_s", [0.008, 0.012])
+def test_a_controller_of_another_rate_than_the_recorder_is_known_by_the_beat(real, pose_s):
+    t, q = real
+    rows = np.arange(0, t[-1], 0.01)
+    log = log_with(rows, CubicSpline(t, q)(np.floor(rows / pose_s) * pose_s))
+    assert pose_error(log.time, log.q, t, q) < 0.002
+    assert log.quality.age_error_s < 0.006 and log.quality.fault is None and log.quality.smoothing is None
 
 
 def set_once(t, q):

@@ -138,6 +138,8 @@ class _Reader:
 
     def link(self, element: Element) -> UrdfLink:
         name = self._name(element)
+        if len(element.findall("inertial")) > 1:
+            raise InputError(self.path, f"link {name!r} has more than one <inertial>; a body has one mass: merge them")
         inertial = element.find("inertial")
         shapes = [self._shape(each, name) for each in element.findall("collision")]
         return UrdfLink(
