@@ -40,7 +40,7 @@ class Intervals:
 def intervals(selection: Selection, selected: Selected) -> Intervals:
     """Given all other selected effects.
 
-    Delete-one-recording jackknife (Tukey 1958) with Student's factor, and at least the width for white noise. A
+    Delete-one-recording jackknife (Tukey 1958) beside the usual scatter, and at least the width for white noise. A
     fitted shape is fitted again without every recording, so that its uncertainty is in the size too.
     """
     blocks_in_question = int((selected.gate.open > 0).sum())
@@ -67,13 +67,29 @@ def intervals(selection: Selection, selected: Selected) -> Intervals:
     noise = THRESHOLDS.interval_width * np.sqrt(whole.variance)
     if len(left) < THRESHOLDS.few_recordings:
         return Intervals(sizes.coefficients, noise, whole.shape)
-    factor = float(student.ppf(0.975, len(left) - 1))
-    half = np.hypot(factor * _jackknife([each.coefficients for each in left]), noise)
+    usual = np.hypot(
+        np.sqrt(whole.variance / selection.rows.learning_rate), THRESHOLDS.column_deviation * sizes.coefficients
+    )
+    half = np.hypot(half_beside(usual, _jackknife([each.coefficients for each in left]), len(left)), noise)
     if whole.shape is None:
         return Intervals(sizes.coefficients, half, left_out=tuple(left))
-    scatter = factor * float(_jackknife([np.array([each.shape]) for each in left])[0])
-    shape_half = float(np.hypot(scatter, _of_columns(whole, selected)))
+    of_shape = float(student.ppf(0.975, len(left) - 1)) * float(
+        _jackknife([np.array([each.shape]) for each in left])[0]
+    )
+    shape_half = float(np.hypot(of_shape, _of_columns(whole, selected)))
     return Intervals(sizes.coefficients, half, whole.shape, shape_half, tuple(left))
+
+
+def half_beside(usual: Floats, scatter: Floats, recordings: int) -> Floats:
+    """[k] half widths of 95 % intervals from standard errors [k]: the usual ones, and those that few recordings show.
+
+    The scatter of three recordings is uncertain itself: by chance it is three times too large, or next to nothing. It
+    counts beside the usual one as the variances of few sessions do, and Student's factor has the degrees of freedom of
+    both (Smyth 2004).
+    """
+    weight, freedom = THRESHOLDS.few_sessions, recordings - 1
+    spread = np.sqrt((weight * usual**2 + freedom * scatter**2) / (weight + freedom))
+    return np.asarray(float(student.ppf(0.975, weight + freedom)) * spread)
 
 
 def _of_columns(whole: Fit, selected: Selected) -> float:

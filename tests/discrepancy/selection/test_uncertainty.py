@@ -10,7 +10,7 @@ from acqd.discrepancy.repair.terms import reported
 from acqd.discrepancy.repair.torque_scale import TorqueScale
 from acqd.discrepancy.selection.forward_selection import Limits, select
 from acqd.discrepancy.selection.shape_interval import Fit, Neighbours, fit_at
-from acqd.discrepancy.selection.uncertainty import intervals
+from acqd.discrepancy.selection.uncertainty import half_beside, intervals
 from tests.builders import grey, recording
 from tests.discrepancy.independent import COMMON, INDEPENDENT, column, extra_power, traced
 
@@ -95,3 +95,13 @@ def test_a_shape_without_a_maximum_has_no_interval(monkeypatch, drops, known):
     fit = Neighbours(None, (0.1, 0.2, 0.3), (), (), ()).fit(np.ones(1))
     assert np.isfinite(fit.shape_variance) == known
     assert fit.shape == pytest.approx(0.2 if known else 0.3)
+
+
+@pytest.mark.parametrize("usual", [0.5, 1.0])
+def test_intervals_of_few_recordings_hold_and_are_narrower_than_those_of_a_jackknife_alone(usual):
+    """The true scatter may be twice the usual one. Of three recordings, a jackknife alone is 4.3 errors wide."""
+    values = np.random.default_rng(1).normal(0.0, 1.0, (20_000, 3))
+    error, scatter = values.mean(axis=1), values.std(axis=1, ddof=1) / np.sqrt(3)
+    half = half_beside(np.full(len(error), usual / np.sqrt(3)), scatter, 3)
+    assert 0.9 < (np.abs(error) < half).mean() < 0.98
+    assert np.median(half) < 0.8 * 4.3 * np.median(scatter)
