@@ -229,11 +229,10 @@ def _averaged(columns: Floats, window_s: float) -> Floats:
     padded = np.pad(columns, ((ends, ends), (0, 0)), mode="edge")
     integral = np.concatenate([np.zeros((1, padded.shape[1])), np.cumsum((padded[1:] + padded[:-1]) / 2, axis=0)])
     whole, share = int(half), half - int(half)
-    middle = np.arange(ends, ends + len(columns))
 
-    def integral_at(index: NDArray[np.int64], share: float) -> Floats:
-        inner = padded[index] * share + (padded[index + 1] - padded[index]) * share**2 / 2
-        return np.asarray(integral[index] + inner)
+    def integral_at(first: int, share: float) -> Floats:
+        here, after = padded[first : first + len(columns)], padded[first + 1 : first + 1 + len(columns)]
+        return np.asarray(integral[first : first + len(columns)] + here * share + (after - here) * (share**2 / 2))
 
-    upper, lower = integral_at(middle + whole, share), integral_at(middle - whole - 1, 1 - share)
+    upper, lower = integral_at(ends + whole, share), integral_at(ends - whole - 1, 1 - share)
     return np.asarray((upper - lower) / (2 * half))

@@ -17,7 +17,7 @@ from acqd.robot.ways import AROUND, FAST, FEWEST, Ways, ways_of
 
 _TWICE = (0.6, 0.25)
 """Ways beyond the usual one of a step across a missing row, and of its neighbours."""
-FEWEST_STEPS, _MISSING_SHARE = 5, 0.004
+_FEWEST_STEPS, _MISSING_SHARE = 5, 0.004
 """Such steps, and their share of the rows in motion, from which on a line says so."""
 _CALM = 0.1
 """Scatter of the ways up to which a way of two rows is known."""
@@ -75,7 +75,7 @@ def clock_fault(
     missing = _missing(beyond, ways) - int((judged & (beyond < -_TWICE[0])).sum())
     missing -= 0 if left_out is None else int((judged & left_out).sum())  # written too late, and then too early
     share = missing / judged.sum()
-    if missing < FEWEST_STEPS or share < _MISSING_SHARE or mad_sigma(beyond[judged], 0.0) > _CALM:
+    if missing < _FEWEST_STEPS or share < _MISSING_SHARE or mad_sigma(beyond[judged], 0.0) > _CALM:
         return None
     return ClockFault(
         f"across {missing} steps in motion ({share:.1%}) the arm goes as far as in two: if the times count rows, rows "

@@ -36,10 +36,11 @@ _COLDEST = -60.0
 """degC below which no robot works."""
 _OTHER_MOTION = 0.5
 """Change of a joint's speed, over its usual size, since the values were last refreshed: torques must have changed."""
-_OUTAGE = 20
-"""Rows beside one another, up to which a number that all joints have is that of an outage."""
-_SOME, _SOME_ROWS = 0.005, 5
-"""Share of the rows in motion, and their number, from which on a quantity with such rows counts as not measured."""
+_STEPS = 2.5
+"""Steps of the written values, beyond which a change is no rounding."""
+_SOME, _SOME_ROWS, _MANY_OLD = 0.005, 5, 0.1
+"""Share of the rows in motion with one number for all joints, and their number, from which on a quantity counts as not
+measured; and share of those with values that are too old, which are wrong by less."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,11 +71,14 @@ def judged(time: Floats, q: Floats, values: dict[str, Floats], robot: RobotDescr
             which = "every joint" if constant.all() else robot.joint[int(constant.argmax())].name
             unmeasured[name] = f"the {TITLES[name]} of {which}"
             continue
-        fault = temperature_fault(of_joints) if name == "temperature" else _outages(time, q, of_joints, moves)
-        if name == "qd" and not fault:
-            fault = speed_fault(time, q, of_joints, robot)
+        if name == "temperature":
+            fault = temperature_fault(of_joints)
+        elif outages := _outages(time, q, of_joints, moves):
+            fault = f"the {TITLES[name]} {outages}"
+        else:
+            fault = speed_fault(time, q, of_joints, robot) if name == "qd" else ""
         if fault:
-            unusable[name] = fault if name != "tau" and name != "current" else f"the {TITLES[name]} {fault}"
+            unusable[name] = fault
     return Judged(unmeasured, unusable)
 
 
@@ -98,39 +102,51 @@ def stuck(name: str, values: Floats, moves: NDArray[np.bool_]) -> NDArray[np.boo
 
 
 def _outages(time: Floats, q: Floats, values: Floats, moves: NDArray[np.bool_]) -> str:
-    """Which rows in motion hold values [T, axes] that were not measured; empty with few of them."""
+    """Which rows in motion hold values [T, axes] that were not measured; empty with few of them.
+
+    In such rows a joint moves for two rows before and after: values may be older or younger than their angles by a row.
+    """
     if len(time) < _MANY_ROWS or not moves.any() or not np.isfinite(values).all():
         return ""
-    slope = np.gradient(q[:, moves], time, axis=0)
+    slope = np.diff(q[:, moves], axis=0) / np.diff(time)[:, None]
     usual = np.sqrt((slope**2).mean(axis=0))
-    moving = (np.abs(slope) > usual / 2).any(axis=1)
-    one_number = np.ptp(values, axis=1) == 0.0 if values.shape[1] > 1 else np.abs(values[:, 0]) < _ZERO
-    other = np.flatnonzero(~one_number)
-    fewest = max(_SOME * moving.sum(), _SOME_ROWS)
-    if one_number.any() and len(other) > 1:
-        rows = np.flatnonzero(one_number & moving)
-        at = np.clip(np.searchsorted(other, rows), 1, len(other) - 1)
-        before, after = other[at - 1], other[at]
-        size = float(np.median(np.linalg.norm(values[other], axis=1)))
-        beside = [np.linalg.norm(values[near] - values[rows], axis=1) > size / 2 for near in (before, after)]
-        count = int((beside[0] & beside[1] & (after - before <= _OUTAGE + 1)).sum())
-        if count > fewest:
-            number = float(np.median(values[rows, 0]))
-            return (
-                f"is {number:.4g} for all joints in {count} of {moving.sum()} rows in motion, and another beside them"
-            )
-    changes = np.concatenate([[True], (np.diff(values, axis=0) != 0).any(axis=1)])
+    around = np.lib.stride_tricks.sliding_window_view(np.pad(slope, ((2, 2), (0, 0))), 4, axis=0)  # [T, moving axes, 4]
+    least, most = around.min(axis=2), around.max(axis=2)
+    moving = ((least > usual / 2) | (most < -usual / 2)).any(axis=1)
+    written = np.array([np.diff(np.unique(column)).min(initial=np.inf) for column in values.T])
+    if count := _with_one_number(values, moving, _STEPS * written):
+        return f"is one number for all joints in {count} of {moving.sum()} rows in motion, and another beside them"
     rows = np.arange(len(time))
+    changes = np.concatenate([[True], (np.diff(values, axis=0) != 0).any(axis=1)])
     since = np.maximum.accumulate(np.where(changes, rows, 0))
-    then = slope[np.minimum(since + 2, rows)]  # the slope of a row reaches to its neighbours
-    old = moving & ~changes & (np.abs(slope - then) > _OTHER_MOTION * usual).any(axis=1)
-    if old.sum() > fewest:
-        longest = float((time - time[since])[old].max())
-        return (
-            f"stays as it was in {old.sum()} of {moving.sum()} rows in which the motion changes, for up to "
-            f"{longest:.2g} s"
-        )
-    return ""
+    jump = np.concatenate([[False], (np.abs(np.diff(values, axis=0)) > _STEPS * written).any(axis=1)])
+    ends = np.append(np.flatnonzero(changes), len(time))
+    next_row = ends[np.searchsorted(ends, rows, side="right")]
+    refreshed = np.append(jump, True)[next_row]  # by more than rounding hides; at the end of the log nobody knows
+    apart = np.maximum(least - most[since], least[since] - most)
+    old = moving & ~changes & refreshed & (apart > _OTHER_MOTION * usual).any(axis=1)
+    if old.sum() <= max(_MANY_OLD * moving.sum(), _SOME_ROWS):
+        return ""
+    return (
+        f"stays as it was in {old.sum()} of {moving.sum()} rows in motion while that changes, for up to "
+        f"{float((time - time[since])[old].max()):.2g} s"
+    )
+
+
+def _with_one_number(values: Floats, moving: NDArray[np.bool_], rounding: Floats) -> int:
+    """Rows in motion that hold one number for all joints and are far from the rows beside them; 0 with few of them."""
+    one_number = np.ptp(values, axis=1) == 0.0 if values.shape[1] > 1 else np.abs(values[:, 0]) < _ZERO
+    rows, other = np.flatnonzero(one_number & moving), np.flatnonzero(~one_number)
+    if not len(rows) or len(other) < 2:
+        return 0
+    size = float(np.median(np.linalg.norm(values[other], axis=1)))
+    at = np.clip(np.searchsorted(other, rows), 1, len(other) - 1)
+    far = np.ones(len(rows), bool)
+    for beside in (other[at - 1], other[at]):
+        change = values[beside] - values[rows]
+        far &= (np.linalg.norm(change, axis=1) > size / 2) & (np.abs(change) > rounding).any(axis=1)
+    count = int(far.sum())
+    return count if count > max(_SOME * moving.sum(), _SOME_ROWS) else 0
 
 
 def speed_fault(time: Floats, q: Floats, qd: Floats, robot: RobotDescription) -> str:

@@ -181,16 +181,17 @@ def beyond_limit(robot: RobotDescription, axis: int, angle: float) -> str:
 def _spikes(time: Floats, q: Floats, robot: RobotDescription) -> NDArray[np.bool_]:
     """[T, axes] True where an angle is farther from the median of five rows than the joint can move meanwhile.
 
-    Or farther from both neighbours, which are not far from one another.
+    Or farther from both neighbours than it can move in the time between, while these are not far from one another.
     """
     if len(time) < 5:
         return np.zeros(q.shape, bool)
-    step = np.full(1, max(float(np.median(np.diff(time))), 1e-9))
-    farthest = reach(2 * step, robot)
+    step = np.diff(time)
+    usual = max(float(np.median(step)), 1e-9)
+    farthest = reach(np.full(1, 2 * usual), robot)
     if (2 * np.abs(np.diff(q, axis=0)) <= farthest).all():  # two rows away at most, and so from the median, too
         return np.zeros(q.shape, bool)
     median = _running_median(np.pad(q, ((2, 2), (0, 0)), mode="edge"), 5)
-    fast = np.abs(np.diff(q, axis=0)) > reach(step, robot)
+    fast = np.abs(np.diff(q, axis=0)) > reach(np.maximum(step, usual), robot)
     alone = np.pad(fast[:-1] & fast[1:] & (np.abs(q[2:] - q[:-2]) <= farthest), ((1, 1), (0, 0)))
     return np.asarray((np.abs(q - median) > farthest) | alone)
 

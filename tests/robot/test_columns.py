@@ -25,8 +25,8 @@ def refreshed_every(rows):
 @pytest.mark.parametrize(
     ("tau", "line"),
     [
-        (in_rows(0.3, 0.0), "the torque is 0 for all joints in"),
-        (in_rows(0.02, 999.9), "the torque is 999.9 for all joints in"),
+        (in_rows(0.3, 0.0), "the torque is one number for all joints in"),
+        (in_rows(0.02, 999.9), "the torque is one number for all joints in"),
         (np.where(T[:, None] > 10, TAU[1000], TAU), "the torque stays as it was in"),
         (refreshed_every(100), "the torque stays as it was in"),
     ],
@@ -46,6 +46,20 @@ def test_torques_of_a_drivers_arithmetic_are_not_measured():
 )
 def test_measured_torques_stay_also_with_few_digits_or_seldom_refreshed(tau):
     assert not judged(T, Q, {"tau": tau}, ROBOT).gone
+
+
+@pytest.mark.parametrize("alone", [False, True])
+def test_rests_and_coarse_numbers_are_measured(alone):
+    """Rows of 0.1 s, of an arm that rests between its moves: at the ends of a rest, values may be those of the rest."""
+    speed = np.clip(np.minimum(T % 2.5, 1.5 - T % 2.5) / 0.05, 0, 1)  # up and down within a row
+    joints = np.random.default_rng(2).uniform(-1, 1, (9, 6)) * (1.0 if not alone else np.arange(6) == 5)
+    qd = speed[:, None] * joints[(T // 2.5).astype(int)]
+    q, rows = 0.01 * np.cumsum(qd, axis=0), np.arange(0, 2000, 10)
+    tau = np.round(20 * np.sin(q) + 3 * np.sign(qd)) * (speed > 0)[:, None]  # closed brakes hold the arm
+    late = {"qd": np.roll(qd, 10, axis=0), "tau": np.roll(tau, 10, axis=0)}
+    for values in ({"qd": qd, "tau": tau}, late):
+        some = {name: each[rows] for name, each in values.items()}
+        assert not {"tau", "qd"} & judged(T[rows], q[rows], some, ROBOT).gone
 
 
 def test_a_force_that_stays_at_constant_speed_stays():

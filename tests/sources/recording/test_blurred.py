@@ -36,7 +36,8 @@ def rectifier(overlap: float) -> np.ndarray:
 
 
 LOADS = {
-    "blocks": rectifier(0.05), "overlap": rectifier(0.15), "half waves": np.maximum(np.cos(ANGLE), 0),
+    "blocks": rectifier(0.05), "overlap": rectifier(0.15), "long overlap": rectifier(0.45),
+    "half waves": np.maximum(np.cos(ANGLE), 0),
     "phase control": np.where(np.mod(ANGLE, np.pi) > 1.0, np.sin(ANGLE), 0), "direct": np.full(800, 5.0),
     "nothing": np.zeros(800), "inrush": np.cos(ANGLE) * np.exp(-np.arange(800) / 300) + 0.4,
 }  # fmt: skip
