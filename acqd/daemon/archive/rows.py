@@ -22,6 +22,7 @@ from acqd.daemon.archive.origin import Again, kernel_name, state_of
 from acqd.errors import InputError
 from acqd.metering import SampleBlock, WindowBatch
 from acqd.metering.joined import joined
+from acqd.metering.run import Run
 from acqd.telemetry.row import PowerRow, json_lines, rows_of
 
 _TOGETHER = 2_000
@@ -71,7 +72,7 @@ def remake(task: Task) -> Remade:
     until = None if task.end_ns is None else task.end_ns + _AFTER_NS
     made, taken, damage = list[tuple[int, bytes]](), _Taken(), ""
     try:
-        for batch in _metered(_staged(segment.blocks(end_ns=until), again, taken), again):
+        for batch in _metered(_staged(segment.runs(end_ns=until), again, taken), again):
             rows = _rows(batch, segment, again, task)
             made.append((len(rows), json_lines(rows)))
     except InputError as error:
@@ -90,13 +91,11 @@ class _Taken:
     """That were read."""
 
 
-def _staged(blocks: Iterable[SampleBlock], again: Again, taken: _Taken) -> Iterator[SampleBlock]:
+def _staged(runs: Iterable[Run], again: Again, taken: _Taken) -> Iterator[SampleBlock]:
     """What the stages leave for the meter."""
-    for block in blocks:
-        taken.samples += len(block.codes)
-        ready = again.stages.apply(block)
-        if ready is not None:
-            yield ready
+    for run in runs:
+        taken.samples += run.edges[-1]
+        yield from again.stages.apply_run(run)
 
 
 def _metered(blocks: Iterator[SampleBlock], again: Again) -> Iterator[WindowBatch]:
