@@ -17,10 +17,11 @@
 INLINE void side_by_side(const double *x, int64_t channels, int64_t stride, int64_t samples, double *even)
 {
     for (int64_t n = 0; n < samples; n++) {
-        double row[LANES] = {0};
+        double *row = even + n * LANES; /* written at once: numbers in a row of its own are read before they have arrived */
         for (int64_t c = 0; c < channels; c++)
             row[c] = x[c * stride + n];
-        memcpy(even + n * LANES, row, sizeof row);
+        for (int64_t c = channels; c < LANES; c++)
+            row[c] = 0;
     }
 }
 
