@@ -7,6 +7,7 @@ something metered otherwise than the daemon did.
 
 from __future__ import annotations
 
+import gc
 import hashlib
 import json
 from collections.abc import Iterable, Iterator
@@ -63,6 +64,16 @@ class Remade:
 
 def remake(task: Task) -> Remade:
     """Meter a segment. Raises InputError for one without a state, OSError."""
+    collects = gc.isenabled()
+    gc.disable()  # rows are many and refer to nothing: looking at them takes a twelfth of the time
+    try:
+        return _remade(task)
+    finally:
+        if collects:
+            gc.enable()
+
+
+def _remade(task: Task) -> Remade:
     segment = Segment.open(task.path)
     state = segment.state()
     try:
