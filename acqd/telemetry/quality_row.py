@@ -177,7 +177,7 @@ def _numbers(values: np.ndarray) -> list[float | None]:
 def _listed(values: np.ndarray) -> list[list[float | None]]:
     """Lists of each phase, rounded."""
     rounded = np.round(values, _DECIMALS)
-    lists: list[list[float | None]] = rounded.tolist()
+    lists = rounded.tolist()
     return lists if np.isfinite(rounded).all() else [[*map(_known, each)] for each in lists]
 
 
