@@ -6,8 +6,9 @@ Blocks are kept as they were cut: their flags, and the last digits of what numpy
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,6 +16,7 @@ import orjson
 
 from acqd.archive.coding import decode, encode
 from acqd.metering.block import SampleBlock, StreamFormat
+from acqd.metering.run import Run, after
 
 _LENGTH = struct.Struct("<I")
 
@@ -42,38 +44,35 @@ class Chunk:
 
     number: int
     """In its segment."""
-    blocks: tuple[SampleBlock, ...]
-    """With empty codes."""
-    counts: tuple[int, ...]
-    """Samples of each."""
+    runs: tuple[Run, ...]
+    """All blocks, with empty codes."""
     coding: str
     data: memoryview
 
-    def samples(self, form: StreamFormat) -> list[SampleBlock]:
+    def samples(self, form: StreamFormat) -> list[Run]:
         """The blocks. Raises ValueError for data that is damaged."""
-        codes = decode(self.coding, bytes(self.data), form.dtype, sum(self.counts), len(form.scale))
-        edges = np.cumsum((0, *self.counts)).tolist()
-        return [
-            SampleBlock(codes[begin:end], block.index, block.utc_ns, block.lost, block.flags)
-            for block, begin, end in zip(self.blocks, edges[:-1], edges[1:], strict=True)
-        ]
+        total = sum(run.edges[-1] for run in self.runs)
+        codes = decode(self.coding, bytes(self.data), form.dtype, total, len(form.scale))
+        ready, begin = list[Run](), 0
+        for run in self.runs:
+            end = begin + run.edges[-1]
+            ready.append(Run(replace(run.block, codes=codes[begin:end]), run.edges))
+            begin = end
+        return ready
 
     def place(self, offset: int, rate: float) -> Place:
         """Of the chunk whose record is at `offset`."""
-        return place_of(self.number, offset, self.blocks, self.counts, rate)
+        blocks = [block for run in self.runs for block in run.blocks(rate)]
+        counts = [end - begin for run in self.runs for begin, end in pairwise(run.edges)]
+        return place_of(self.number, offset, blocks, counts, rate)
 
 
 def place_of(
     number: int, offset: int, blocks: Sequence[SampleBlock], counts: Sequence[int], rate: float
 ) -> Place:  # fmt: skip
     """Of a chunk of `blocks` with `counts` samples."""
-    first = blocks[0]
-    return Place(number, offset, first.index, first.utc_ns, sum(counts), after(blocks[-1], counts[-1], rate))
-
-
-def after(block: SampleBlock, samples: int, rate: float) -> int:
-    """UTC [ns] so many samples after the first one of `block`."""
-    return block.utc_ns + round(samples * 1e9 / rate)
+    first, last = blocks[0], blocks[-1]
+    return Place(number, offset, first.index, first.utc_ns, sum(counts), after(last.utc_ns, counts[-1], rate))
 
 
 def chunk_body(number: int, blocks: Sequence[SampleBlock], form: StreamFormat) -> bytes:
@@ -92,26 +91,37 @@ def parse_chunk(body: memoryview, form: StreamFormat) -> Chunk:
     try:
         (length,) = _LENGTH.unpack_from(body)
         told = orjson.loads(body[_LENGTH.size : _LENGTH.size + length])
-        blocks: list[SampleBlock] = []
-        nothing = np.empty((0, len(form.scale)), form.dtype)
-        counts = [_count(each[0]) for each in told["blocks"]]
-        for k, (_, *rest) in enumerate(told["blocks"]):
-            if rest:
-                index, utc_ns, lost, flags = rest
-                blocks.append(
-                    SampleBlock(nothing, _count(index), int(utc_ns), _count(lost), frozenset(map(str, flags)))
-                )
-            else:
-                before = blocks[-1]
-                utc_ns = after(before, counts[k - 1], form.rate)
-                blocks.append(SampleBlock(nothing, before.index + counts[k - 1], utc_ns, 0, before.flags))
-        if not blocks:
+        runs = tuple(_runs(told["blocks"], form))
+        if not runs:
             raise ValueError("it has no blocks")
-        return Chunk(
-            _count(told["number"]), tuple(blocks), tuple(counts), str(told["coding"]), body[_LENGTH.size + length :]
-        )
+        return Chunk(_count(told["number"]), runs, str(told["coding"]), body[_LENGTH.size + length :])
     except (struct.error, KeyError, TypeError, IndexError) as error:
         raise ValueError(f"its blocks are told wrongly ({error!r})") from None
+
+
+def _runs(told: list[list[Any]], form: StreamFormat) -> Iterator[Run]:
+    """Runs of blocks of which only the first says more than how many samples it has."""
+    nothing = np.empty((0, len(form.scale)), form.dtype)
+    first: SampleBlock | None = None
+    edges = [0]
+    for count, *rest in told:
+        if rest:
+            if first is not None:
+                yield Run(first, edges)
+            index, utc_ns, lost, flags = rest
+            first = SampleBlock(nothing, _count(index), int(utc_ns), _count(lost), frozenset(map(str, flags)))
+            edges = [0]
+        elif first is None:
+            raise IndexError("the first one says no time")
+        elif "clock_step" in first.flags:  # of which each one says what time it is
+            yield Run(first, edges)
+            first = replace(
+                first, index=first.index + edges[-1], utc_ns=after(first.utc_ns, edges[-1], form.rate), lost=0
+            )
+            edges = [0]
+        edges.append(edges[-1] + _count(count))
+    if first is not None:
+        yield Run(first, edges)
 
 
 def _count(number: Any) -> int:
@@ -126,5 +136,5 @@ def _told(block: SampleBlock) -> list[Any]:
 
 def _follows(block: SampleBlock, before: SampleBlock, form: StreamFormat) -> bool:
     count = len(before.codes)
-    expected = (before.index + count, after(before, count, form.rate), 0, before.flags)
+    expected = (before.index + count, after(before.utc_ns, count, form.rate), 0, before.flags)
     return (block.index, block.utc_ns, block.lost, block.flags) == expected

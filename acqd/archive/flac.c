@@ -101,50 +101,41 @@ INLINE int32_t rice(struct bits *b, int parameter)
     return (int32_t)(folded >> 1) ^ -(int32_t)(folded & 1);
 }
 
-/* Residual of samples order .. size. */
-static void residual(struct bits *from, int32_t *x, int size, int order)
+/* Samples order .. size: each is `weights` times those before it, the newest first, plus its residual. A processor
+   predicts one while it reads the residual of the next. */
+INLINE void samples(struct bits *from, int32_t *x, int size, const int order, const int32_t *weights, int shift)
 {
     struct bits b = *from; /* a copy stays in registers, for no store to `x` can change it */
     const uint32_t method = take(&b, 2), partitions = take(&b, 4);
     const int width = method ? 5 : 4, length = size >> partitions;
+    int64_t newest = order ? x[order - 1] : 0, weight[MOST_ORDER];
+    for (int k = 0; k < order; k++)
+        weight[k] = weights[k];
     if (method > 1 || length << partitions != size || length < order)
         b.failed = 1;
     for (int n = order, stop = length; stop <= size && !b.failed; stop += length) {
-        const int parameter = (int)take(&b, width);
-        if (parameter == (1 << width) - 1) {
-            const int plain = (int)take(&b, 5);
-            for (; n < stop; n++)
-                x[n] = take_signed(&b, plain);
-        } else {
-            for (; n < stop; n++)
-                x[n] = rice(&b, parameter);
+        const int parameter = (int)take(&b, width), plain = parameter == (1 << width) - 1 ? (int)take(&b, 5) : -1;
+        for (; n < stop; n++) {
+            int64_t sum = 0;
+            for (int k = order - 1; k > 0; k--)
+                sum += weight[k] * x[n - 1 - k];
+            if (order)
+                sum += weight[0] * newest; /* last, for it is known last */
+            const int32_t residual = plain < 0 ? rice(&b, parameter) : take_signed(&b, plain);
+            newest = x[n] = (int32_t)(uint32_t)(uint64_t)(residual + (sum >> shift));
         }
     }
     *from = b;
 }
 
-/* The samples from the residual: each is `weights` times those before it, the newest first, plus the residual. */
-INLINE void predict(int32_t *x, int size, const int order, const int32_t *weights, int shift)
-{
-    int64_t newest = order ? x[order - 1] : 0;
-    for (int n = order; n < size; n++) {
-        int64_t sum = 0;
-        for (int k = order - 1; k > 0; k--)
-            sum += (int64_t)weights[k] * x[n - 1 - k];
-        if (order)
-            sum += weights[0] * newest; /* last, for it is known last */
-        newest = x[n] = (int32_t)(uint32_t)(uint64_t)(x[n] + (sum >> shift));
-    }
-}
-
-static void predict_any(int32_t *x, int size, int order, const int32_t *weights, int shift)
+static void samples_by_any(struct bits *b, int32_t *x, int size, int order, const int32_t *weights, int shift)
 {
     switch (order) { /* a loop of known length takes half of the time */
-#define CASE(ORDER) case ORDER: predict(x, size, ORDER, weights, shift); break;
+#define CASE(ORDER) case ORDER: samples(b, x, size, ORDER, weights, shift); break;
         CASE(1) CASE(2) CASE(3) CASE(4) CASE(5) CASE(6) CASE(7) CASE(8)
 #undef CASE
     default:
-        predict(x, size, order, weights, shift);
+        samples(b, x, size, order, weights, shift);
     }
 }
 
@@ -188,9 +179,7 @@ static void subframe(struct bits *b, int32_t *x, int size, int width)
             memcpy(weights, fixed[order], sizeof fixed[order]);
         }
         if (!b->failed)
-            residual(b, x, size, order);
-        if (!b->failed)
-            predict_any(x, size, order, weights, shift);
+            samples_by_any(b, x, size, order, weights, shift);
     } else {
         b->failed = 1;
     }

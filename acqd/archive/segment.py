@@ -16,6 +16,7 @@ from acqd.archive.record import CHUNK, END, HEAD, OVERHEAD, STATE, Record, recor
 from acqd.archive.segment_file import TRAILER
 from acqd.errors import InputError
 from acqd.metering.block import SampleBlock
+from acqd.metering.run import Run
 
 _HEAD_BYTES = 1 << 16
 
@@ -105,6 +106,11 @@ class Segment:
 
         Raises InputError where a chunk is damaged, unless `skip`; OSError.
         """
+        for run in self.runs(begin_ns, end_ns, skip=skip):
+            yield from run.blocks(self.head.origin.form.rate)
+
+    def runs(self, begin_ns: int | None = None, end_ns: int | None = None, *, skip: bool = False) -> Iterator[Run]:
+        """The same, blocks that follow each other as one."""
         form = self.head.origin.form
         with self.path.open("rb", buffering=0) as file:
             for k, place in enumerate(self.chunks):
@@ -114,12 +120,12 @@ class Segment:
                 try:
                     if self.harmed_before(k) and not skip:
                         raise ValueError("records before this one are damaged")
-                    blocks = _chunk(file.fileno(), place, self).samples(form)
+                    runs = _chunk(file.fileno(), place, self).samples(form)
                 except ValueError as error:
                     if skip:
                         continue
                     raise InputError(self.path, f"at byte {place.offset}: {error}") from None
-                yield from blocks
+                yield from runs
 
 
 def _chunk(file: int, place: Place, segment: Segment) -> Chunk:

@@ -5,7 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from acqd.arrays import Floats
 from acqd.metering.block import Codes
 from acqd.metering.kernel.compiled import quality_library
 
@@ -52,6 +54,22 @@ class Looker:
             return look_by_numpy(codes, self._cycle)
         self._library.acqd_look(codes.ctypes.data, bits, self._channels, len(codes), self._cycle, self._out_at)
         return Look._make(self._out.tolist())
+
+    def calm(self, codes: Codes, edges: NDArray[np.int64], due: int, usual: Floats, most: Floats) -> int:
+        """How many of the blocks of `codes`, cut at `edges`, are no reason for a look; 0 without C.
+
+        Each begins before `due` and is shorter than three cycles. `most` [channels] is the share of samples at the
+        extremes of a channel that is no reason for a look, and goes on with the blocks; `usual` says how
+        (signal_watch.py). Blocks shorter than a cycle are passed over.
+        """
+        bits = _BITS.get(codes.dtype)
+        if self._library is None or bits is None or not codes.flags.c_contiguous or codes.shape[1] != self._channels:
+            return 0
+        found: int = self._library.acqd_calm(
+            codes.ctypes.data, bits, self._channels, len(edges) - 1, edges.ctypes.data, self._cycle, due,
+            usual.ctypes.data, most.ctypes.data, self._out_at,
+        )  # fmt: skip
+        return found
 
 
 def look_at(codes: Codes, cycle: int) -> Look:

@@ -7,12 +7,18 @@ last one, or comes near both ends of 16 bits, is examined at once.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
+import numpy as np
+from numpy.typing import NDArray
+
+from acqd.arrays import Floats
 from acqd.metering.block import Codes, SampleBlock, StreamFormat
 from acqd.metering.integrity import flags_of
 from acqd.metering.look import Look, Looker
 from acqd.metering.packed import State
+from acqd.metering.run import Run
 
 _EVERY_S = 0.4
 """Between two looks."""
@@ -31,35 +37,68 @@ class SignalWatch:
         self.form = form
         self._cycle = round(form.rate / form.f_nominal)
         self._looker = Looker(len(form.scale), self._cycle)
+        self._usual = np.array([_LONGER, _FORGET, _FEW, _END if form.bits == 16 else np.inf])
         self._every = round(_EVERY_S * form.rate)
         self._next = 0
         self._flags: frozenset[str] = frozenset()
         self._pause = self._every  # samples to the next look at a fault
-        self._most: list[float] = []  # share of the samples at the extremes of each channel that is no reason to look
+        # share of the samples at the extremes of each channel that is no reason to look; None before the first look
+        self._most: Floats | None = None
+        self._pair = np.zeros(2, dtype=np.int64)  # edges of one block
 
     def state(self) -> State:
         """When the next look is due, what the newest has found, and what is usual."""
-        return {"next": self._next, "flags": sorted(self._flags), "pause": self._pause, "most": self._most}
+        most = [] if self._most is None else self._most.tolist()
+        return {"next": self._next, "flags": sorted(self._flags), "pause": self._pause, "most": most}
 
     def restore(self, state: State) -> None:
         """Go on where `state` was taken."""
         self._next, self._flags = int(state["next"]), frozenset(state["flags"])
         self._pause = int(state.get("pause", self._every))
-        self._most = [float(share) for share in state.get("most", [])]
+        most = [float(share) for share in state.get("most", [])]
+        self._most = np.array(most) if most else None
 
     def apply(self, block: SampleBlock) -> SampleBlock:
         """The block, with what was found in it, or holds since the newest look before it."""
+        self._pair[1] = len(block.codes)
+        (flags,) = self._of_blocks(block, self._pair)
+        return replace(block, flags=block.flags | flags) if flags else block
+
+    def apply_run(self, run: Run) -> Iterator[SampleBlock]:
+        """What `apply` makes of each block of a run; all of them as one where nothing is found."""
+        flags = self._of_blocks(run.block, np.array(run.edges))
+        if not any(flags):
+            yield run.block
+            return
+        for block, named in zip(run.blocks(self.form.rate), flags, strict=True):
+            yield replace(block, flags=block.flags | named) if named else block
+
+    def _of_blocks(self, block: SampleBlock, edges: NDArray[np.int64]) -> list[frozenset[str]]:
+        """Flags of each of the blocks that have been joined as `block`, cut at `edges`."""
         if block.lost:
             self._next = block.index
-        flags, size, codes = self._flags, 2 * self._cycle, block.codes
-        if len(codes) >= self._cycle:
-            flags = frozenset()
-            for at in range(0, max(len(codes) - self._cycle, 0) + 1, size):
-                # The last stretch takes the rest of the block.
-                end = at + size if len(codes) - at - size >= self._cycle else len(codes)
-                self._examine(codes[at:end], block.index + at)
-                flags |= self._flags
-        return replace(block, flags=block.flags | flags) if flags else block
+        found, blocks = list[frozenset[str]](), len(edges) - 1
+        while len(found) < blocks:
+            if not self._flags and self._most is not None:
+                due = self._next - block.index
+                calm = self._looker.calm(block.codes, edges[len(found) :], due, self._usual, self._most)
+                found += [self._flags] * calm
+            if len(found) < blocks:
+                begin, end = edges[len(found) : len(found) + 2].tolist()
+                found.append(self._of_block(block.codes[begin:end], block.index + begin))
+        return found
+
+    def _of_block(self, codes: Codes, index: int) -> frozenset[str]:
+        """Flags of a block [samples, channels] that begins with sample `index`."""
+        if len(codes) < self._cycle:
+            return self._flags
+        flags, size = frozenset[str](), 2 * self._cycle
+        for at in range(0, len(codes) - self._cycle + 1, size):
+            # The last stretch takes the rest of the block.
+            end = at + size if len(codes) - at - size >= self._cycle else len(codes)
+            self._examine(codes[at:end], index + at)
+            flags |= self._flags
+        return flags
 
     def _examine(self, codes: Codes, index: int) -> None:
         """Look at some cycles [samples, channels] where a look is due, or where they stand out."""
@@ -68,27 +107,18 @@ class SignalWatch:
             return
         look, samples = self._looker.at(codes), len(codes)
         ends = zip(look.least, look.most, look.at_least, look.at_most, strict=True)
-        shares = [((low + high) if least < most else low) / samples for least, most, low, high in ends]
+        shares = np.array([((low + high) if least < most else low) / samples for least, most, low, high in ends])
         if due or self._stands_out(shares, look, samples):
             self._flags = flags_of(codes, self._cycle, look)
             # A fault is looked at again after twice the time: it is flagged for at most twice as long as it lasts.
             self._pause = min(2 * self._pause, self._every) if faulty else samples
             self._next = index + (self._pause if self._flags else self._every)
         if not self._flags:
-            known = self._most or [0.0] * len(shares)
-            self._most = [  # `max`, without calls: this is done for every block
-                _LONGER * now if _LONGER * now > _FORGET * usual else _FORGET * usual
-                for now, usual in zip(shares, known, strict=True)
-            ]
+            self._most = np.maximum(_LONGER * shares, 0.0 if self._most is None else _FORGET * self._most)
 
-    def _stands_out(self, shares: list[float], look: Look, samples: int) -> bool:
+    def _stands_out(self, shares: Floats, look: Look, samples: int) -> bool:
         """Whether a fault may have come since the last look."""
-        if not self._most:
+        if self._most is None or (shares > self._most + _FEW / samples).any():
             return True
-        slack = _FEW / samples
-        for now, usual in zip(shares, self._most, strict=True):
-            if now > usual + slack:
-                return True
-        if self.form.bits != 16 or max(look.most) <= _END:
-            return False
-        return any(most > _END and least < -_END for most, least in zip(look.most, look.least, strict=True))
+        ends = zip(look.most, look.least, strict=True)
+        return self.form.bits == 16 and any(most > _END and least < -_END for most, least in ends)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Protocol
 
 from acqd.metering.block import SampleBlock, StreamFormat
 from acqd.metering.packed import State
+from acqd.metering.run import Run
+from acqd.metering.signal_watch import SignalWatch
 
 
 class Stage(Protocol):
@@ -31,6 +33,7 @@ class Stages:
     def __init__(self, form: StreamFormat, makers: Sequence[Callable[[StreamFormat], Stage | None]]) -> None:
         """Each maker gets the format that the step before it leaves; None: no such step."""
         self._stages: list[Stage] = []
+        self._rate = form.rate
         self.form = form
         for make in makers:
             stage = make(self.form)
@@ -58,3 +61,12 @@ class Stages:
                 return None
             block = ready
         return block
+
+    def apply_run(self, run: Run) -> Iterator[SampleBlock]:
+        """What `apply` makes of each block of a run, in blocks as long as can be: none is cut, some are joined."""
+        if len(self._stages) == 1 and isinstance(self._stages[0], SignalWatch):
+            yield from self._stages[0].apply_run(run)
+            return
+        for block in run.blocks(self._rate):
+            if (ready := self.apply(block)) is not None:
+                yield ready

@@ -123,9 +123,10 @@ def quality_lines(rows: Iterable[QualityRow]) -> bytes:
 def quality_rows(values: QualityValues, device: str, boot: str, seq: int) -> Iterator[QualityRow]:
     """Rows of one value: L1, L2, L3 and, with more than one phase, total; of "10s" the total (or L1) only."""
     phases = len(values.phase_flags)
-    for k in range(phases if values.phase else 0):
+    columns = {name: _listed(value) if name in LISTS else _numbers(value) for name, value in values.phase.items()}
+    for k in range(phases if columns else 0):
         flags = values.flags | values.phase_flags[k]
-        yield _row(values, device, CHANNELS[k], boot, seq, flags, _of_phase(values, k))
+        yield _row(values, device, CHANNELS[k], boot, seq, flags, _of_phase(columns, k))
     if values.system:
         everything = values.flags.union(*values.phase_flags)
         yield _row(values, device, "total", boot, seq, everything, _of_system(values))
@@ -143,11 +144,8 @@ def _row(
     )  # fmt: skip
 
 
-def _of_phase(values: QualityValues, k: int) -> dict[str, Any]:
-    phase = values.phase
-    row: dict[str, Any] = {
-        name: _listed(value[k]) if name in LISTS else _known(float(value[k])) for name, value in phase.items()
-    }
+def _of_phase(columns: dict[str, list[Any]], k: int) -> dict[str, Any]:
+    row = {name: column[k] for name, column in columns.items()}
     if "P" in row:
         row["PF"] = _power_factor(row["P"], row["S"])
         row["DPF"] = _power_factor(row["P1"], math.hypot(row["P1"] or 0.0, row["Q1"] or 0.0))
@@ -172,8 +170,15 @@ def _known(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def _listed(values: np.ndarray) -> list[float | None]:
-    return [value if math.isfinite(value) else None for value in np.round(values, _DECIMALS).tolist()]
+def _numbers(values: np.ndarray) -> list[float | None]:
+    return [*map(_known, values.tolist())]
+
+
+def _listed(values: np.ndarray) -> list[list[float | None]]:
+    """Lists of each phase, rounded."""
+    rounded = np.round(values, _DECIMALS)
+    lists = rounded.tolist()
+    return lists if np.isfinite(rounded).all() else [[*map(_known, each)] for each in lists]
 
 
 def from_kind(shortest: Kind) -> frozenset[Kind]:

@@ -10,6 +10,7 @@ import pytest
 
 from acqd.daemon.correction_section import CorrectionSection
 from acqd.metering import SampleBlock, StreamFormat
+from acqd.metering.run import Run
 from acqd.metering.signal_watch import SignalWatch
 from acqd.metering.stages import Stages
 from acqd.metering.wiring_finding import WiringFinding
@@ -142,3 +143,42 @@ def test_no_recording_is_flagged_live(waveforms):
         wave = load_waveform(path)
         watch = SignalWatch(wave.form)
         assert not any(watch.apply(block).flags for block in blocks_of(wave.codes)), path
+
+
+def pieces_of(codes, rng):
+    """Blocks of odd lengths, some of less than a cycle; and the same as one run."""
+    edges = np.unique(np.concatenate(([0, len(codes)], np.cumsum(rng.choice([1, 100, 800, 801, 1150, 2500], 300)))))
+    run = Run(SampleBlock(codes, 70, 10**18, 5, frozenset({"late"})), edges[edges <= len(codes)].tolist())
+    return list(run.blocks(20_000.0)), run
+
+
+@pytest.mark.parametrize("library", [True, False])
+@pytest.mark.parametrize("sizes", ["odd", "live"])
+def test_a_run_has_the_flags_of_its_blocks(monkeypatch, library, sizes):
+    codes = make_mains(50.0, seconds=3.0, phases=3, noise=0.001).codes
+    limit = 0.7 * codes[:, 3].max()
+    for begin in (9_000, 21_000, 30_400):
+        codes[begin : begin + 1_700, 3] = np.clip(codes[begin : begin + 1_700, 3], -limit, limit)
+    blocks, run = pieces_of(codes, np.random.default_rng(3))
+    if sizes == "live":
+        run = Run(run.block, list(range(0, len(codes) + 1, 800)))
+        blocks = list(run.blocks(20_000.0))
+    one, other = SignalWatch(FORM), SignalWatch(FORM)
+    expected = [one.apply(block) for block in blocks]
+    if not library:
+        monkeypatch.setattr(other._looker, "_library", None)
+    found = list(other.apply_run(run))
+    assert other.state() == one.state()
+    assert [block.flags for block in found] == [block.flags for block in expected]
+    assert {"clipped"} < set().union(*(block.flags for block in found)) and found[0].lost == 5
+    assert all((a.codes == b.codes).all() and a.index == b.index for a, b in zip(found, expected, strict=True))
+
+
+def test_a_calm_run_stays_one_block():
+    codes = make_mains(50.0, seconds=1.0, phases=3, noise=0.001).codes
+    run = Run(SampleBlock(codes, 0, 0), list(range(0, len(codes) + 1, 800)))
+    watch, alone = SignalWatch(FORM), SignalWatch(FORM)
+    assert list(watch.apply_run(run)) == [run.block]
+    for block in run.blocks(FORM.rate):
+        assert alone.apply(block) is block
+    assert watch.state() == alone.state()

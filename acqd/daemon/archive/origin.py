@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 from acqd import __version__
 from acqd.archive.head import Metering, Origin
 from acqd.daemon.boot import Boot
-from acqd.daemon.config import Config
 from acqd.daemon.device_section import WaveformKeys
 from acqd.instruction_sets import best_instruction_set
 from acqd.metering import Meter, Mode, StreamFormat
@@ -16,7 +15,8 @@ from acqd.metering.other_mains import meter_for
 from acqd.metering.signal_watch import SignalWatch
 from acqd.metering.stages import Stages
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # a process that makes rows again needs no configuration, which is slow to import
+    from acqd.daemon.config import Config
     from acqd.daemon.source_sections import WaveformSection
 
 _STAGES = ("correction", "wiring")

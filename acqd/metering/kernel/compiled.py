@@ -99,6 +99,8 @@ def load_quality(path: Path) -> ctypes.CDLL:
     codes = (pointer, integer, integer, integer)  # codes, bits, channels or phases, samples or parts
     loaded.acqd_physical.argtypes = [*codes, pointer, pointer]
     loaded.acqd_look.argtypes = [*codes, integer, pointer]
+    loaded.acqd_calm.argtypes = [*codes, pointer, integer, integer, *[pointer] * 3]
+    loaded.acqd_calm.restype = integer
     loaded.acqd_mean_squares.argtypes = [*codes, integer, pointer, pointer]
     loaded.acqd_filter.argtypes = [pointer, pointer, pointer, number, integer, pointer, *rows, pointer]
     for function in (

@@ -17,10 +17,11 @@
 INLINE void side_by_side(const double *x, int64_t channels, int64_t stride, int64_t samples, double *even)
 {
     for (int64_t n = 0; n < samples; n++) {
-        double row[LANES] = {0};
+        double *row = even + n * LANES; /* written at once: numbers in a row of its own are read before they have arrived */
         for (int64_t c = 0; c < channels; c++)
             row[c] = x[c * stride + n];
-        memcpy(even + n * LANES, row, sizeof row);
+        for (int64_t c = channels; c < LANES; c++)
+            row[c] = 0;
     }
 }
 
@@ -137,6 +138,33 @@ void acqd_look(const void *codes, int64_t bits, int64_t channels, int64_t sample
         look(codes, 16, channels, samples, cycle, out);
     else
         look(codes, 32, channels, samples, cycle, out);
+}
+
+/* How many of the `blocks` of codes, cut at the positions edges [blocks + 1], are no reason for a look (look.py): each
+   begins before `due`, is shorter than three cycles, and has no channel with more samples at its extremes than most
+   [channels], or near both ends of 16 bits. usual: times the share of a block that is no reason, what is left of that
+   after the next, samples that are no reason, the end. out [9][channels] is scratch. */
+int64_t acqd_calm(const void *codes, int64_t bits, int64_t channels, int64_t blocks, const int64_t *edges,
+                  int64_t cycle, int64_t due, const double *usual, double *most, double *out)
+{
+    const double *low = out, *high = out + channels, *at_low = out + 3 * channels, *at_high = out + 4 * channels;
+    for (int64_t k = 0; k < blocks; k++) {
+        const int64_t samples = edges[k + 1] - edges[k];
+        if (samples < cycle)
+            continue;
+        if (edges[k] >= due || samples >= 3 * cycle)
+            return k;
+        acqd_look((const char *)codes + edges[k] * channels * (bits / 8), bits, channels, samples, cycle, out);
+        double share[LANES];
+        for (int64_t c = 0; c < channels; c++) {
+            share[c] = (low[c] < high[c] ? at_low[c] + at_high[c] : at_low[c]) / (double)samples;
+            if (share[c] > most[c] + usual[2] / (double)samples || (high[c] > usual[3] && low[c] < -usual[3]))
+                return k;
+        }
+        for (int64_t c = 0; c < channels; c++)
+            most[c] = fmax(usual[0] * share[c], usual[1] * most[c]);
+    }
+    return blocks;
 }
 
 INLINE void resample(const int taps, int64_t channels, double first, double step, int64_t count, const double *table,

@@ -47,10 +47,11 @@ class CycleSideband:
         middles = np.arange(phasors.shape[1]) + 0.5
         phasors = phasors * np.exp(2j * np.pi * (fit.trial / fit.f - 1) * middles)
         if self._last is not None:
-            phasors = np.column_stack((self._last, phasors))
+            phasors = np.concatenate((self._last[:, None], phasors), axis=1)
         self._last = phasors[:, -1]
-        turns = np.angle((phasors[:, :-1].conj() * phasors[:, 1:]).sum(axis=0))
-        power = np.square(np.abs(phasors)).sum(axis=0)
+        turned = (phasors[:, :-1].conj() * phasors[:, 1:]).sum(axis=0)
+        turns = np.arctan2(turned.imag, turned.real)
+        power = (phasors.real * phasors.real + phasors.imag * phasors.imag).sum(axis=0)
         f = fit.f * (1 + turns / (2 * np.pi))
         magnitude = np.sqrt((power[:-1] + power[1:]) / 2)
         self._f.append(fit.f)

@@ -33,8 +33,7 @@ def spectrum(x: Floats, start: float, length: float, cycles: int) -> Lines:
     points = cycles * _points_per_cycle(float(math.ceil(per_cycle)))
     slow, how = decimated(x, factor), SHORT if SHORT.passband * per_cycle >= ORDERS + 1 else WIDE
     even = resampled(slow, start / factor, length / factor / points, points, how)
-    lines = np.fft.rfft(even, axis=1)[:, : (ORDERS + 1) * cycles + 1] / points
-    lines[:, 1:] *= np.sqrt(2)
+    lines = np.fft.rfft(even, axis=1)[:, : (ORDERS + 1) * cycles + 1] * _rms(cycles, points)
     return lines if factor == 1 else np.asarray(lines / droop(np.arange(lines.shape[1]) / length, factor))
 
 
@@ -118,6 +117,14 @@ def groups_by_numpy(lines: Lines, cycles: int, known: int) -> tuple[Floats, Floa
     harmonics, between = harmonic_subgroups(squares), interharmonic_subgroups(squares)
     harmonics[:, known:] = between[:, known:] = np.nan
     return harmonics, between, thds(harmonics)
+
+
+@lru_cache(maxsize=16)
+def _rms(cycles: int, points: int) -> Floats:
+    """RMS per number of a DFT, by line."""
+    factors = np.full((ORDERS + 1) * cycles + 1, math.sqrt(2) / points)
+    factors[0] = 1 / points
+    return factors
 
 
 @lru_cache(maxsize=64)
