@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from acqd.daemon.archive.origin import origin_of, state_of
 from acqd.daemon.boot import Boot
 from acqd.daemon.config import Config
-from acqd.daemon.continued import FLAG, continued
+from acqd.daemon.continued import FLAG, continued_from
 from acqd.daemon.events.watch import Announce, EventWatch
 from acqd.daemon.feed import ALONE, Company, Deliver, Sent
 from acqd.daemon.health.snapshot import Cycles, FeedHealth, SourceLink
@@ -61,7 +61,8 @@ class WaveformFeed:
         """`sent`: what is known of the rows of earlier starts; `announce` takes events."""
         self._config = config
         self._sent, self._known = sent, None if sent is None else sent.readings(config.device)
-        self._cut: Run | None = None
+        self._unread = [] if sent is None else sent.unread(config.device)
+        self._last_run: Run | None = None
         self._before: Known | None = None
         self._unconfirmed = self._stopped = False
         self._boot = Boot(boot)
@@ -117,9 +118,9 @@ class WaveformFeed:
     async def start(self) -> None:
         """Start MAIN_FAST. Raises UserError when its source cannot be used."""
         if self._sent is not None and self._register is not None:
-            run = self._register.unfinished()
+            self._last_run, run = self._register.last_run(), self._register.unfinished()
             if run is not None:
-                self._cut, self._before = run, await self._sent.last_rows(self._config.device)
+                self._before = await self._sent.last_rows(self._config.device)
                 self._unconfirmed = run.cut_off and (self._before is None or not self._before.answered)
         await self._executive.start()
         self._refused = prioritise("MAIN_SLOW", self._config.realtime.slow_priority)
@@ -232,14 +233,13 @@ class WaveformFeed:
     def _energy(self, phases: int) -> Energy | None:
         """Registers to continue from: the greater of file and spool, so that W never goes back.
 
-        After a power cut also what others know. It is on the disk, with the boot, before the first row leaves.
+        Then later rows: in the spool, and after a power cut those that others know. It is on the disk, with the boot,
+        before the first row leaves.
         """
         spooled = self._known.energy if self._known is not None else None
         energy = greater(self._register.load(phases) if self._register else None, spooled, phases)
-        if self._cut is not None and self._before is not None and self._sent is not None and energy is not None:
-            seq = max(self._cut.seq, self._sent.newest(self._config.device, self._cut.boot))
-            energy = continued(energy, seq, self._before)
-        self._cut = None
+        if energy is not None:
+            energy = continued_from(energy, self._last_run, self._known, self._before, self._unread)
         if self._register is not None:
             self._unconfirmed |= self._register.refused
             begin, run = energy or [(0.0, 0.0)] * phases, Run(self._boot.name, -1)
