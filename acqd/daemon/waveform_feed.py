@@ -62,9 +62,10 @@ class WaveformFeed:
         self._config = config
         self._sent, self._known = sent, None if sent is None else sent.readings(config.device)
         self._unread = [] if sent is None else sent.unread(config.device)
-        self._last_run: Run | None = None
+        self._register = RegisterFile(config.state_dir, config.device) if config.state_dir else None
+        self._last_run = self._register.last_run() if self._register is not None else None
         self._before: Known | None = None
-        self._unconfirmed = self._stopped = False
+        self._unconfirmed, self._stopped = self._last_run is not None and self._last_run.unconfirmed, False
         self._boot = Boot(boot)
         self._deliver = deliver
         self._quality = (
@@ -87,7 +88,6 @@ class WaveformFeed:
         self._mistakes: list[str] = []  # that the log names
         self._of = f" of {company.name}" if company.name else ""
         self._saving = threading.Lock()
-        self._register = RegisterFile(config.state_dir, config.device) if config.state_dir else None
         self._registers: Registers | None = None
         self._summariser, self._tally = Summariser(), Tally()
         self._last_row: float | None = None
@@ -118,10 +118,10 @@ class WaveformFeed:
     async def start(self) -> None:
         """Start MAIN_FAST. Raises UserError when its source cannot be used."""
         if self._sent is not None and self._register is not None:
-            self._last_run, run = self._register.last_run(), self._register.unfinished()
+            run = self._register.unfinished()
             if run is not None:
                 self._before = await self._sent.last_rows(self._config.device)
-                self._unconfirmed = run.cut_off and (self._before is None or not self._before.answered)
+                self._unconfirmed |= run.cut_off and (self._before is None or not self._before.answered)
         await self._executive.start()
         self._refused = prioritise("MAIN_SLOW", self._config.realtime.slow_priority)
         self._begun = time.monotonic()
@@ -151,7 +151,8 @@ class WaveformFeed:
             with self._saving:  # a later reading is never overwritten by an earlier one
                 others = self._registers.state() if self._registers is not None else None
                 seq, energy = self._newest or (-1, self._executive.meter.energy.reading())
-                self._register.save(energy, others, Run(self._boot.name, seq, self._stopped))
+                run = Run(self._boot.name, seq, self._stopped, unconfirmed=self._unconfirmed)
+                self._register.save(energy, others, run)
 
     def alive(self) -> bool:
         """Whether rows arrive, or the device or MAIN_FAST is away and its supervisor brings it back."""
@@ -242,7 +243,7 @@ class WaveformFeed:
             energy = continued_from(energy, self._last_run, self._known, self._before, self._unread)
         if self._register is not None:
             self._unconfirmed |= self._register.refused
-            begin, run = energy or [(0.0, 0.0)] * phases, Run(self._boot.name, -1)
+            begin, run = energy or [(0.0, 0.0)] * phases, Run(self._boot.name, -1, unconfirmed=self._unconfirmed)
             self._register.save(begin, self._register.others, run, first=True)
         return energy
 

@@ -119,9 +119,13 @@ def test_the_first_rows_say_that_the_register_could_not_be_read(tmp_path, caplog
     (tmp_path / "energy-cell1.json").write_text('{"registers": null, "ru')
     made, mains = [], make_mains(50.0, seconds=0.3, phases=1)
     config = Config(device="cell1", state_dir=tmp_path, mqtt={"enabled": False}, health={"port": 0})
+    cut = WaveformFeed(config, config.source, "before", lambda *_: None)
+    cut._make_meter(StreamFormat(mains.rate, mains.scale))  # and the power fails before its first row
     feed = WaveformFeed(config, config.source, "boot", lambda rows, *_: made.extend(rows))
     meter = feed._executive.meter = feed._make_meter(StreamFormat(mains.rate, mains.scale))
     for begin in range(0, 4_000, 800):
         feed._take(meter.feed(SampleBlock(mains.codes[begin : begin + 800], begin, 0)))
     assert [FLAG in row.flags for row in made] == [True] + [False] * 4
+    feed.save()
+    assert not RegisterFile(tmp_path, "cell1").last_run().unconfirmed
     assert (tmp_path / "energy-cell1.old").exists() and "unreadable" in caplog.text

@@ -53,7 +53,6 @@ def _begins_at(config, sink_has: int | None, *, receipted: bool) -> list[float]:
         try:
             uplink.started = [asyncio.current_task()]  # no connection
             feed = WaveformFeed(config, config.source, "new", lambda *_: None, uplink)
-            feed._last_run = feed._register.last_run()
             if sink_has is not None:
                 last = [LastRow(channel, "b", sink_has, _STEP * (sink_has + 1)) for channel in ("L1", "L2")]
                 uplink._last_rows.answered("cell1", Receipt("sink", [], last=last, boot="b"))

@@ -42,7 +42,7 @@ class Readings(NamedTuple):
     registers: Sequence[float] | None = None
     """State of the others, reactive energy and demand, as numbers; NaN where nothing is known."""
     after: Window | None = None
-    """The window, in readings of an earlier start."""
+    """The window, in readings of the spool."""
 
 
 class Stream(NamedTuple):

@@ -104,7 +104,8 @@ class Spool:
             data += energy_record(device, readings.energy)
             if readings.registers is not None:
                 data += registers_record(device, readings.registers)
-            self._readings[device] = readings
+            window = Window(rows[-1].stream.boot, rows[-1].seq)
+            self._readings[device] = readings._replace(after=window)
         if self.limits.when_full == "drop-newest" and self.size + len(data) > self._most:
             self._lost(len(rows), "refusing the newest rows")
             return False
@@ -116,7 +117,7 @@ class Spool:
             waiting.add(seq, seq)
         if device is not None and readings is not None:
             segment.energy[device] = readings.energy
-            segment.read_after[device] = Window(rows[-1].stream.boot, rows[-1].seq)
+            segment.read_after[device] = window
             if readings.registers is not None:
                 segment.registers[device] = readings.registers
         if segment is not before:
