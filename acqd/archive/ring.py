@@ -11,6 +11,7 @@ import fcntl
 import logging
 import os
 import shutil
+import time
 from collections import defaultdict
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,8 +21,12 @@ from acqd.archive.segment import Segment
 from acqd.archive.segment_file import DAMAGED, SUFFIX, number_of
 from acqd.changes import StateLog
 from acqd.errors import InputError
+from acqd.retry import Backoff, RetryPolicy
 
 _log = logging.getLogger(__name__)
+_VAIN = 3
+"""Deletions that may free nothing at once: a reader may have the oldest files open."""
+_PAUSES = RetryPolicy(first_s=30.0, longest_s=86_400.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +56,9 @@ class Ring:
         self._root, self._limits = root, limits
         self._files: list[_File] = []
         self._says = StateLog(_log)
+        self._vain, self._again_at = 0, 0.0
+        """Deletions that freed nothing, one after another."""
+        self._pauses = Backoff(_PAUSES)
         self.deleted = 0
         """Segments since the start."""
 
@@ -103,16 +111,17 @@ class Ring:
     def make_room(self, more: int) -> None:
         """Delete the oldest segments until `more` bytes keep within the limits.
 
-        Raises OSError where nothing is left to delete.
+        Raises OSError where nothing is left to delete, or to delete does not help.
         """
         limits = self._limits
         while self.size + more > limits.most_bytes and self._delete(None):
             pass
         while (free := shutil.disk_usage(self._root).free) < limits.keep_free + more:
-            if self._delete(None) is None:
+            if not self.give_up_oldest():
+                vain = "; deleting segments frees nothing: snapshots, hard links?" if self._vain >= _VAIN else ""
                 raise OSError(
                     errno.ENOSPC,
-                    f"{free / 1e9:.2f} GB are free, and {limits.keep_free / 1e9:.2f} GB are kept for the rows",
+                    f"{free / 1e9:.2f} GB are free, and {limits.keep_free / 1e9:.2f} GB are kept for the rows{vain}",
                 )
 
     def expire(self) -> None:
@@ -122,8 +131,25 @@ class Ring:
                 seconds -= gone.seconds
 
     def give_up_oldest(self) -> bool:
-        """Delete one segment because the disk takes nothing more; False where none is left."""
-        return self._delete(None) is not None
+        """Delete one segment because the disk is full; False where none is left, or where that frees nothing.
+
+        Snapshots and hard links keep what is deleted: the whole archive would go for nothing. The pauses between
+        attempts grow to a day.
+        """
+        if self._vain >= _VAIN and time.monotonic() < self._again_at:
+            return False
+        before = shutil.disk_usage(self._root).free
+        gone = self._delete(None)
+        if gone is None:
+            return False
+        if shutil.disk_usage(self._root).free - before >= gone.size / 2:
+            self._vain = 0
+            self._pauses.reset()
+            return True
+        self._vain += 1
+        if self._vain >= _VAIN:
+            self._again_at = time.monotonic() + self._pauses.pause_s()
+        return True
 
     def _delete(self, device: str | None) -> _File | None:
         """The oldest file of a device, or of all, that nobody writes to."""

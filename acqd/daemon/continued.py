@@ -6,12 +6,37 @@ to a second before. A rise of W beyond the known registers is imported energy, a
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
+from acqd.daemon.register import Run
 from acqd.telemetry.last_rows import Known
-from acqd.telemetry.spool import Energy
+from acqd.telemetry.receipts import LastRow
+from acqd.telemetry.spool import Energy, Readings
 
 FLAG = "W_unconfirmed"
 """Of the first rows after a power cut, where no sink has said which rows it has, and of those of a register that could
 not be read: W may have gone back."""
+
+
+def continued_from(
+    own: Energy, run: Run | None, spooled: Readings | None, others: Known | None, unread: Iterable[LastRow]
+) -> Energy:
+    """Each phase's (imported, exported) [kWh].
+
+    `own` are the greater ones of the register file, which `run` has written, and of the spool; `others`: what a sink
+    and the broker know; `unread`: later rows of the spool.
+    """
+    after = spooled.after if spooled is not None else None
+    boot = run.boot if run is not None else after.boot if after is not None else ""
+    known = Known(boot.partition(".")[0])
+    if others is not None and known.is_of(others.boot):
+        known.stored, known.summaries = dict(others.stored), others.summaries
+    for row in unread:
+        known.add(row)
+    seq = run.seq if run is not None else -1
+    if after is not None and known.is_of(after.boot):
+        seq = max(seq, after.seq)
+    return continued(own, seq, known)
 
 
 def continued(own: Energy, seq: int, known: Known) -> Energy:

@@ -11,6 +11,7 @@ from acqd.plc.fast_process import Spawn
 from acqd.plc.recent import SampledWindow
 from acqd.sources.waveform import Waveform
 from acqd.telemetry.last_rows import Known
+from acqd.telemetry.receipts import LastRow
 from acqd.telemetry.row import PowerRow
 from acqd.telemetry.spool import Readings
 
@@ -30,8 +31,8 @@ class Sent(Protocol):
     async def last_rows(self, device: str) -> Known | None:
         """What a sink and the broker know of the last rows before a power cut; None: there was none."""
 
-    def newest(self, device: str, boot: str) -> int:
-        """Number of the newest row in the spool of a boot of the device; -1: there is none."""
+    def unread(self, device: str) -> list[LastRow]:
+        """The last row of each channel that an earlier start has spooled without the registers after it."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -41,6 +41,8 @@ class Run:
     """Whether the run has ended with these readings."""
     start: str = field(default_factory=lambda: start_id().hex())
     """Of the computer (`acqd.uptime`)."""
+    unconfirmed: bool = False
+    """Whether W may have gone back, and no row that says so has left: the power may fail twice."""
 
     @property
     def cut_off(self) -> bool:
@@ -68,7 +70,8 @@ class RegisterFile:
         """Who has written the file; None: nobody, or an earlier acqd. Does not wait for a disk."""
         try:
             run = json.loads(read_regular(self._path, _MOST_BYTES))["run"]
-            return Run(str(run["boot"]), int(run["seq"]), bool(run["closed"]), str(run["start"]))
+            unconfirmed = bool(run.get("unconfirmed"))
+            return Run(str(run["boot"]), int(run["seq"]), bool(run["closed"]), str(run["start"]), unconfirmed)
         except (OSError, *_UNUSABLE):
             return None
 

@@ -29,10 +29,11 @@ from acqd.telemetry.event import PowerEvent
 from acqd.telemetry.last_rows import Known, LastRows
 from acqd.telemetry.name import Name
 from acqd.telemetry.quality_row import QualityRow
+from acqd.telemetry.receipts import LastRow
 from acqd.telemetry.register_row import OnceAMinute, register_row
 from acqd.telemetry.register_witness import RegisterWitness
 from acqd.telemetry.rights import refused
-from acqd.telemetry.row import PowerRow
+from acqd.telemetry.row import PowerRow, parse_row
 from acqd.telemetry.spool import Readings, Spool, SpooledRow, Stream, confirm
 from acqd.telemetry.spool.left_behind import folder_of, left_behind, strangers
 
@@ -68,7 +69,8 @@ class Uplink:
         me = me or claimant(config.state_dir, uuid.uuid4().hex[:12], take_name=False)
         self.name = Name(me)
         self._unfinished = _unfinished(config.state_dir, devices)
-        self._last_rows = LastRows({name: run.boot.partition(".")[0] for name, run in self._unfinished.items()})
+        boots = {name: run.boot.partition(".")[0] for name, run in self._unfinished.items()}
+        self._last_rows = LastRows(boots, sinks=lambda: self._delivery.sinks)
         self._registers = RegisterWitness(devices if config.state_dir is not None else ())
         greet = partial(self._put_greeting, status)
         self.started: list[asyncio.Task[None]] = []
@@ -112,9 +114,14 @@ class Uplink:
             self._cuts[device] = known is not None and known.answered
         return known
 
-    def newest(self, device: str, boot: str) -> int:
-        """Number of the newest row in the spool of a boot of the device; -1: there is none."""
-        return self._spool.newest(device, boot)
+    def unread(self, device: str) -> list[LastRow]:
+        """The last row of each channel that an earlier start has spooled without the registers after it."""
+        rows = []
+        for stream, seq, payload in self._spool.unread(device):
+            with suppress(ValueError):  # what no acqd has written
+                if not topics.travels_alone(stream.channel) and (W := parse_row(payload).W) is not None:
+                    rows.append(LastRow(stream.channel, stream.boot, seq, W))
+        return rows
 
     def tasks(self) -> list[asyncio.Task[None]]:
         """Start to deliver, once; the tasks do not end by themselves."""

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from acqd.daemon.archive.origin import origin_of, state_of
 from acqd.daemon.boot import Boot
 from acqd.daemon.config import Config
-from acqd.daemon.continued import FLAG, continued
+from acqd.daemon.continued import FLAG, continued_from
 from acqd.daemon.events.watch import Announce, EventWatch
 from acqd.daemon.feed import ALONE, Company, Deliver, Sent
 from acqd.daemon.health.snapshot import Cycles, FeedHealth, SourceLink
@@ -61,9 +61,11 @@ class WaveformFeed:
         """`sent`: what is known of the rows of earlier starts; `announce` takes events."""
         self._config = config
         self._sent, self._known = sent, None if sent is None else sent.readings(config.device)
-        self._cut: Run | None = None
+        self._unread = [] if sent is None else sent.unread(config.device)
+        self._register = RegisterFile(config.state_dir, config.device) if config.state_dir else None
+        self._last_run = self._register.last_run() if self._register is not None else None
         self._before: Known | None = None
-        self._unconfirmed = self._stopped = False
+        self._unconfirmed, self._stopped = self._last_run is not None and self._last_run.unconfirmed, False
         self._boot = Boot(boot)
         self._deliver = deliver
         self._quality = (
@@ -86,7 +88,6 @@ class WaveformFeed:
         self._mistakes: list[str] = []  # that the log names
         self._of = f" of {company.name}" if company.name else ""
         self._saving = threading.Lock()
-        self._register = RegisterFile(config.state_dir, config.device) if config.state_dir else None
         self._registers: Registers | None = None
         self._summariser, self._tally = Summariser(), Tally()
         self._last_row: float | None = None
@@ -119,8 +120,8 @@ class WaveformFeed:
         if self._sent is not None and self._register is not None:
             run = self._register.unfinished()
             if run is not None:
-                self._cut, self._before = run, await self._sent.last_rows(self._config.device)
-                self._unconfirmed = run.cut_off and (self._before is None or not self._before.answered)
+                self._before = await self._sent.last_rows(self._config.device)
+                self._unconfirmed |= run.cut_off and (self._before is None or not self._before.answered)
         await self._executive.start()
         self._refused = prioritise("MAIN_SLOW", self._config.realtime.slow_priority)
         self._begun = time.monotonic()
@@ -150,7 +151,8 @@ class WaveformFeed:
             with self._saving:  # a later reading is never overwritten by an earlier one
                 others = self._registers.state() if self._registers is not None else None
                 seq, energy = self._newest or (-1, self._executive.meter.energy.reading())
-                self._register.save(energy, others, Run(self._boot.name, seq, self._stopped))
+                run = Run(self._boot.name, seq, self._stopped, unconfirmed=self._unconfirmed)
+                self._register.save(energy, others, run)
 
     def alive(self) -> bool:
         """Whether rows arrive, or the device or MAIN_FAST is away and its supervisor brings it back."""
@@ -232,17 +234,16 @@ class WaveformFeed:
     def _energy(self, phases: int) -> Energy | None:
         """Registers to continue from: the greater of file and spool, so that W never goes back.
 
-        After a power cut also what others know. It is on the disk, with the boot, before the first row leaves.
+        Then later rows: in the spool, and after a power cut those that others know. It is on the disk, with the boot,
+        before the first row leaves.
         """
         spooled = self._known.energy if self._known is not None else None
         energy = greater(self._register.load(phases) if self._register else None, spooled, phases)
-        if self._cut is not None and self._before is not None and self._sent is not None and energy is not None:
-            seq = max(self._cut.seq, self._sent.newest(self._config.device, self._cut.boot))
-            energy = continued(energy, seq, self._before)
-        self._cut = None
+        if energy is not None:
+            energy = continued_from(energy, self._last_run, self._known, self._before, self._unread)
         if self._register is not None:
             self._unconfirmed |= self._register.refused
-            begin, run = energy or [(0.0, 0.0)] * phases, Run(self._boot.name, -1)
+            begin, run = energy or [(0.0, 0.0)] * phases, Run(self._boot.name, -1, unconfirmed=self._unconfirmed)
             self._register.save(begin, self._register.others, run, first=True)
         return energy
 

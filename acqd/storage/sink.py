@@ -214,8 +214,8 @@ class Sink:
         for batch, written in self._count(committer):
             for topic, payload in receipts(self._settings.client_id, written.receipts):
                 subscriber.publish(topic, payload)
-            for device, last in written.answers.items():
-                subscriber.publish(*answer(self._settings.client_id, device, last))
+            for asked, last in written.answers.items():
+                subscriber.publish(*answer(self._settings.client_id, *asked, last))
             if batch.connection == self.counters.reconnects:
                 subscriber.acknowledge([number for number in batch.numbers if number])
                 self._under_way -= len(batch.numbers)

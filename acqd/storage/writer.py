@@ -51,8 +51,8 @@ class Written:
     """Rows and events that a changed table refuses: they have no receipt."""
     receipts: dict[Stream, Ranges] = field(default_factory=dict)
     """Every row of the batch that need not be sent again."""
-    answers: dict[str, list[LastRow]] = field(default_factory=dict)
-    """By device, the last rows that are stored now: of devices that have asked."""
+    answers: dict[last_rows.Asked, list[LastRow]] = field(default_factory=dict)
+    """The last rows that are stored now, by question."""
 
 
 class Writer:
@@ -117,7 +117,7 @@ class Writer:
         if found.asks:
             with self._engine.connect() as connection:
                 for question in last_rows.questions(found.asks):
-                    written.answers[question.device] = last_rows.last_rows(connection, question)
+                    written.answers[question] = last_rows.last_rows(connection, question)
         return written
 
     def _judged(self, found: Sorted) -> tuple[list[Row], list[Message], list[Refused]]:

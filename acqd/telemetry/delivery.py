@@ -263,6 +263,11 @@ class Delivery:
         return self._watch.seen
 
     @property
+    def sinks(self) -> frozenset[str]:
+        """Status topics of the sinks that say that they are there."""
+        return self._watch.sinks
+
+    @property
     def unreceipted_s(self) -> float:
         """How long no receipt has come for rows that were sent, while a sink says that it is there [s]."""
         return 0.0 if self._until == "acknowledged" else self._watch.unreceipted_s

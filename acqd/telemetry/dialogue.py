@@ -62,4 +62,4 @@ class Dialogue:
     def answered(self, device: str, receipt: Receipt) -> None:
         """A receipt; it may hold the last rows."""
         if receipt.last is not UNSET:
-            self._last_rows.answered(device, receipt.last)
+            self._last_rows.answered(device, receipt)

@@ -34,11 +34,11 @@ class BrokerAddress:
         """The TLS settings, None without TLS. Raises UserError for unusable files."""
         if not self.tls:
             return None
-        for name in ("ca_file", "cert_file", "key_file"):
-            path = getattr(self, name)
-            if path is not None and not path.exists():
-                raise UserError(f"TLS for {self}: {name} {path}: no such file; check its path")
         try:
+            for name in ("ca_file", "cert_file", "key_file"):
+                path = getattr(self, name)
+                if path is not None and not path.exists():
+                    raise UserError(f"TLS for {self}: {name} {path}: no such file; check its path")
             context = ssl.create_default_context(cafile=str(self.ca_file) if self.ca_file else None)
             context.minimum_version = ssl.TLSVersion.TLSv1_2  # RFC 8996
             if self.cert_file:

@@ -54,6 +54,11 @@ class ReceiptWatch:
             self._alone_since = self._now()
         return bool(self._sinks)
 
+    @property
+    def sinks(self) -> frozenset[str]:
+        """Status topics of the sinks that say that they are there."""
+        return frozenset(self._sinks)
+
     def sending(self) -> None:
         """Rows are about to be sent."""
         if not len(self._flying):

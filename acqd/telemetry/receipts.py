@@ -51,6 +51,8 @@ class Receipt(msgspec.Struct):
     schema: int = 1
     last: list[LastRow] | UnsetType = UNSET
     """The answer to a question for the last rows; empty: none is stored."""
+    boot: str | UnsetType = UNSET
+    """The boot of that question; sinks of earlier versions do not say it."""
     time: str | UnsetType = UNSET
     """When it was sent, by the sink's clock (RFC 3339)."""
 
@@ -71,9 +73,9 @@ def receipts(sink: str, stored: Mapping[Stream, Ranges]) -> Iterator[tuple[str, 
             yield receipt(device), msgspec.json.encode(Receipt(sink, group, time=rfc3339(time.time_ns(), 3)))
 
 
-def answer(sink: str, device: str, last: list[LastRow]) -> tuple[str, bytes]:
-    """Topic and payload of the answer to a question for the last rows."""
-    return receipt(device), msgspec.json.encode(Receipt(sink, [], last=last))
+def answer(sink: str, device: str, boot: str, last: list[LastRow]) -> tuple[str, bytes]:
+    """Topic and payload of the answer to a question for the last rows of a boot."""
+    return receipt(device), msgspec.json.encode(Receipt(sink, [], last=last, boot=boot))
 
 
 def parse_receipt(payload: bytes) -> Receipt:

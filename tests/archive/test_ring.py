@@ -5,11 +5,13 @@ import os
 import shutil
 import threading
 from collections import namedtuple
+from types import SimpleNamespace
 
 import pytest
 
+from acqd.archive import ring
 from acqd.archive.catalogue import contents
-from acqd.archive.ring import Limits
+from acqd.archive.ring import Limits, Ring
 from acqd.archive.segment_file import SegmentFile
 from acqd.daemon.config import Config
 from acqd.daemon.health.snapshot import Archive
@@ -58,16 +60,45 @@ def test_days_are_counted_in_samples_of_each_device(tmp_path):
 
 
 def test_the_archive_leaves_the_disk_to_the_rows(tmp_path, monkeypatch):
-    free = 10**9
-    monkeypatch.setattr(shutil, "disk_usage", lambda _: Usage(10**12, 0, free))
+    free, filled = 10**9, 0
+
+    def usage(_):
+        files = sum(path.stat().st_size for path in tmp_path.glob("*/*.arc"))
+        return Usage(10**12, 0, free if not filled else free - files)
+
+    monkeypatch.setattr(shutil, "disk_usage", usage)
     archive = recorder(tmp_path, Limits(10**12, 1e9, 2 * 10**8), segment_s=0.4)
     box = fed(archive, 3)
     assert len(numbers(tmp_path)) > 4 and not archive.latest.trouble
-    free = 10**8
+    free, filled = 10**8, 1
     box.feed(CODES, at=3 * len(CODES))
     until(lambda: archive.latest.trouble and not list(tmp_path.glob("*/*.arc")))  # the archive gives all it has
     assert "kept for the rows" in archive.latest.trouble and len(box.rows) == 400, "rows go on"
     archive.close()
+
+
+def test_where_deleting_frees_nothing_the_archive_stays(tmp_path, monkeypatch):
+    """As with snapshots or hard links."""
+    free, now = 10**8, 100.0
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: Usage(10**12, 0, free))
+    monkeypatch.setattr(ring, "time", SimpleNamespace(monotonic=lambda: now))
+    kept = Ring(tmp_path, Limits(10**12, 1e9, 2 * 10**8))
+    for number in range(20):
+        (tmp_path / f"{number}.arc").write_bytes(b"x")
+        kept.add(number, tmp_path / f"{number}.arc")
+        kept.update(number, 10**6, 1.0, writing=False)
+    for _ in range(50):
+        with pytest.raises(OSError, match="frees nothing: snapshots"):
+            kept.make_room(0)
+    assert kept.deleted == 3
+    now += 31.0
+    with pytest.raises(OSError, match="frees nothing"):
+        kept.make_room(0)
+    now += 31.0
+    assert not kept.give_up_oldest() and kept.deleted == 4, "the pauses grow"
+    free = 10**9
+    kept.make_room(0)
+    assert kept.deleted == 4
 
 
 @pytest.mark.parametrize("number", [errno.ENOSPC, errno.EIO])

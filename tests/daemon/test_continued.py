@@ -11,7 +11,7 @@ import sqlalchemy as sa
 
 from acqd.daemon import uplink
 from acqd.daemon.config import Config
-from acqd.daemon.continued import FLAG, continued
+from acqd.daemon.continued import FLAG, continued, continued_from
 from acqd.daemon.register import RegisterFile, Run
 from acqd.daemon.service import Service
 from acqd.daemon.tape import Tape
@@ -22,6 +22,8 @@ from acqd.storage.schema import power
 from acqd.telemetry.last_rows import Known, Reading
 from acqd.telemetry.mqtt import BrokerAddress
 from acqd.telemetry.receipts import LastRow
+from acqd.telemetry.spool import Readings
+from acqd.telemetry.spool.record import Window
 from tests.mains import make_mains
 from tests.storage.test_sink import running_sink
 from tests.waiting import finish, until, wait_for
@@ -42,6 +44,14 @@ from tests.waiting import finish, until, wait_for
 def test_registers_continue_from_the_latest_row_that_anybody_knows(stored, summary, expected):
     known = Known("b", {"L1": stored} if stored else {}, {"L1": summary} if summary else {})
     assert continued([(5.0, 1.0)], 10, known) == [pytest.approx(expected)]
+
+
+def test_what_is_known_of_another_boot_does_not_count():
+    """The numbers of its rows say nothing: a box of a daemon was started again, or two starts followed each other."""
+    others, unread = Known("b", {"L1": LastRow("L1", "b", 99, 0.5)}), [LastRow("L1", "b", 95, 0.7)]
+    spooled = Readings([(5.0, 1.0)], None, Window("b", 90))
+    assert continued_from([(5.0, 1.0)], Run("c", 3), spooled, others, unread) == [(5.0, 1.0)]
+    assert continued_from([(5.0, 1.0)], Run("b", 3), spooled, others, []) == [pytest.approx((5.0, 4.5))]
 
 
 def test_a_run_is_cut_off_when_the_computer_was_started_again_and_only_then(tmp_path):
@@ -119,9 +129,13 @@ def test_the_first_rows_say_that_the_register_could_not_be_read(tmp_path, caplog
     (tmp_path / "energy-cell1.json").write_text('{"registers": null, "ru')
     made, mains = [], make_mains(50.0, seconds=0.3, phases=1)
     config = Config(device="cell1", state_dir=tmp_path, mqtt={"enabled": False}, health={"port": 0})
+    cut = WaveformFeed(config, config.source, "before", lambda *_: None)
+    cut._make_meter(StreamFormat(mains.rate, mains.scale))  # and the power fails before its first row
     feed = WaveformFeed(config, config.source, "boot", lambda rows, *_: made.extend(rows))
     meter = feed._executive.meter = feed._make_meter(StreamFormat(mains.rate, mains.scale))
     for begin in range(0, 4_000, 800):
         feed._take(meter.feed(SampleBlock(mains.codes[begin : begin + 800], begin, 0)))
     assert [FLAG in row.flags for row in made] == [True] + [False] * 4
+    feed.save()
+    assert not RegisterFile(tmp_path, "cell1").last_run().unconfirmed
     assert (tmp_path / "energy-cell1.old").exists() and "unreadable" in caplog.text

@@ -28,12 +28,21 @@ LONGEST = 1 << 20
 """Bytes of a body at most; a longer length is damage."""
 
 
+class Window(NamedTuple):
+    """A window of a run: its rows have this number."""
+
+    boot: str
+    seq: int
+
+
 class Readings(NamedTuple):
     """What a device's registers say after a window."""
 
     energy: Energy
     registers: Sequence[float] | None = None
     """State of the others, reactive energy and demand, as numbers; NaN where nothing is known."""
+    after: Window | None = None
+    """The window, in readings of the spool."""
 
 
 class Stream(NamedTuple):

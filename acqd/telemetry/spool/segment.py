@@ -28,11 +28,13 @@ from acqd.telemetry.spool.record import (
     ROW,
     Energy,
     Stream,
+    Window,
     begun_record,
     index_record,
     record_at,
     records,
 )
+from acqd.telemetry.topics import travels_alone
 from acqd.uptime import Moment
 
 _MAGIC, _END = b"ACQDSPL1", b"ACQDEND1"
@@ -70,6 +72,10 @@ class Segment:
         """Readings of each device's registers after its last row; "" as device in files of the time of one device."""
         self.registers: dict[str, Sequence[float]] = {}
         """State of each device's other registers then."""
+        self.read_after: dict[str, Window] = {}
+        """The window after which they were read."""
+        self.unread: dict[Stream, tuple[int, bytes]] = {}
+        """Number and payload of the last row of every stream that has no readings after it: a write was cut off."""
         self.begun: Moment | None = None
         """None in files that do not say it."""
         self.damaged = 0
@@ -187,7 +193,9 @@ class Segment:
             return
         streams = [[*stream, list(rows)] for stream, rows in self.pending.items()]
         index = index_record(
-            json.dumps({"streams": streams, "energy": self.energy, "registers": self.registers}).encode()
+            json.dumps(
+                {"streams": streams, "energy": self.energy, "registers": self.registers, "read_after": self.read_after}
+            ).encode()
         )
         try:
             _write(self._file, index + _TAIL.pack(_END, self.size))
@@ -257,9 +265,11 @@ class Segment:
         for record in records(data, START):
             length = len(record.name) + len(record.body)
             if record.kind == ROW:
-                self.pending.setdefault(record.stream, Ranges()).add(record.seq, record.seq)
+                stream = record.stream
+                self.pending.setdefault(stream, Ranges()).add(record.seq, record.seq)
+                self.unread[stream] = record.seq, record.payload
             elif record.kind == ENERGY:
-                self.energy[record.device] = record.energy
+                self._read_registers(record.device, record.energy)
             elif record.kind == REGISTERS:
                 self.registers[record.device] = record.numbers
             elif record.kind == BEGUN:
@@ -268,6 +278,16 @@ class Segment:
             before = record.end
         self.size = before
         return intact
+
+    def _read_registers(self, device: str, energy: Energy) -> None:
+        """Energy of a device, "": of the only one, after the rows that were just read."""
+        self.energy[device] = energy
+        rows = {stream: row for stream, row in self.unread.items() if device in ("", stream.device)}
+        windows = [Window(of.boot, seq) for of, (seq, _) in rows.items() if not travels_alone(of.channel)]
+        if windows:
+            self.read_after[device] = windows[-1]
+        for stream in rows:
+            del self.unread[stream]
 
     def _read_index(self, file: int, size: int) -> bool:
         """Take the rows from the index at the end; False if it is missing or damaged."""
@@ -281,6 +301,7 @@ class Segment:
         self.pending = {Stream(*names): Ranges(rows) for *names, rows in content["streams"]}
         self.energy = _energy(content["energy"])
         self.registers = content.get("registers", {})
+        self.read_after = {device: Window(*window) for device, window in content.get("read_after", {}).items()}
         self.size = offset
         return True
 

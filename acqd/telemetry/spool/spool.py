@@ -19,7 +19,7 @@ from acqd.telemetry.ranges import Ranges
 from acqd.telemetry.spool.log import SegmentLog
 from acqd.telemetry.spool.reading import read_rows
 from acqd.telemetry.spool.recalls import Recalls
-from acqd.telemetry.spool.record import Readings, Stream, energy_record, registers_record, row_record
+from acqd.telemetry.spool.record import Readings, Stream, Window, energy_record, registers_record, row_record
 from acqd.telemetry.spool.segment import START, Segment
 from acqd.uptime import Moment, moment
 
@@ -82,6 +82,7 @@ class Spool:
         self.unconfirmed = self._log.unconfirmed
         self.accepted = self.dropped = self.damaged_bytes = 0
         self._readings: dict[str, Readings] = {}
+        self._unread: dict[Stream, SpooledRow] = {}
         self._alerted = self._old = self._dropping = self._unreadable = False
         self._names: dict[Stream, bytes] = {}
         self._backoff, self._look_again = Backoff(), False
@@ -103,7 +104,8 @@ class Spool:
             data += energy_record(device, readings.energy)
             if readings.registers is not None:
                 data += registers_record(device, readings.registers)
-            self._readings[device] = readings
+            window = Window(rows[-1].stream.boot, rows[-1].seq)
+            self._readings[device] = readings._replace(after=window)
         if self.limits.when_full == "drop-newest" and self.size + len(data) > self._most:
             self._lost(len(rows), "refusing the newest rows")
             return False
@@ -115,6 +117,7 @@ class Spool:
             waiting.add(seq, seq)
         if device is not None and readings is not None:
             segment.energy[device] = readings.energy
+            segment.read_after[device] = window
             if readings.registers is not None:
                 segment.registers[device] = readings.registers
         if segment is not before:
@@ -130,19 +133,12 @@ class Spool:
         """
         return self._readings.get(device)
 
-    def newest(self, device: str, boot: str) -> int:
-        """Greatest number of a row that waits, of a device, a boot and its continuations (`boot.1`); -1: none."""
-        pairs = (
-            pair
-            for segment in self._log.segments
-            for stream, rows in segment.pending.items()
-            if stream.device == device
-            and stream.boot.partition(".")[0] == boot.partition(".")[0]
-            and "/" not in stream.channel
-            and stream.channel != "event"
-            for pair in rows
-        )
-        return max((last for _, last in pairs), default=-1)
+    def unread(self, device: str) -> list[SpooledRow]:
+        """The last row of every stream of a device that an earlier start has spooled after its last readings.
+
+        A power cut may leave the rows of a window without the readings that follow them, and so may a kill.
+        """
+        return [row for row in self._unread.values() if row.stream.device == device]
 
     def remove(self, stream: Stream, first: int, last: int) -> int:
         """Rows first..last are delivered: forget them; how many waited."""
@@ -281,7 +277,11 @@ class Spool:
         if behind:
             return
         for device, energy in segment.energy.items():
-            self._readings[device] = Readings(energy, segment.registers.get(device))
+            self._readings[device] = Readings(energy, segment.registers.get(device), segment.read_after.get(device))
+            for stream in [stream for stream in self._unread if device in ("", stream.device)]:
+                del self._unread[stream]
+        self._unread |= {stream: SpooledRow(stream, *row) for stream, row in segment.unread.items()}
+        segment.unread.clear()
 
     def _limit(self) -> None:
         """Drop the oldest segments while there is too much, or too much in memory."""

@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 
 from acqd.errors import UserError
 from acqd.telemetry.spool import Limits, Readings, Spool, SpooledRow, Stream, confirm
-from acqd.telemetry.spool.record import energy_record, index_record, row_record
+from acqd.telemetry.spool.record import Window, energy_record, index_record, row_record
 from acqd.telemetry.spool.segment import Segment
 from tests.telemetry.spool.rows import STREAMS, everything, window
 
@@ -192,7 +192,9 @@ def test_registers_belong_to_devices_and_those_of_an_older_spool_to_the_only_one
     spool.append([SpooledRow(other, 1, b"row")], Readings([(2.0, 0.5)], [3.0]))
     spool.close()
     again = Spool(tmp_path)
-    assert again.readings("cell1") == ([(1.0, 0.0)], None) and again.readings("cell2") == ([(2.0, 0.5)], [3.0])
+    after = Window("boot1", 1)
+    assert again.readings("cell1") == ([(1.0, 0.0)], None, after)
+    assert again.readings("cell2") == ([(2.0, 0.5)], [3.0], after)
     again.close()
     path = tmp_path / "0000000000000009.seg"
     with_index = tmp_path / "0000000000000010.seg"
