@@ -165,7 +165,7 @@ def _angles(designed: Designed) -> Chart:
 
 def _path(designed: Designed) -> Figure:
     position, _ = forward_kinematics(designed.space.arm, designed.motion.q[:: RATE // _SHOWN_PER_S])
-    figure = Figure(figsize=(9, 4.2))
+    figure = Figure(figsize=(9, 4.2), layout="constrained")
     for axes, (a, b) in zip(figure.subplots(1, 2), ((0, 1), (0, 2)), strict=True):
         axes.plot(position[:, a], position[:, b], color="#2563eb", linewidth=0.8)
         axes.plot(*position[0, [a, b]], "o", color="#111827", markersize=5)
@@ -173,5 +173,4 @@ def _path(designed: Designed) -> Figure:
         axes.set_xlabel(f"{'xyz'[a]} [m]")
         axes.set_ylabel(f"{'xyz'[b]} [m]")
         axes.set_aspect("equal", adjustable="datalim")
-    figure.tight_layout()
     return figure
