@@ -8,6 +8,7 @@ import pytest
 
 from acqd.discrepancy.beforehand import like_reference
 from acqd.discrepancy.config import CloseConfig
+from acqd.discrepancy.regression.setup import Comparison, set_up
 from acqd.lab.effects import make_effects, parse_effect
 from acqd.models.effects import library
 from acqd.models.effects.scene import segment_scene
@@ -58,3 +59,13 @@ def test_a_report_finds_what_was_closed_from_another_folder(tmp_path, monkeypatc
     monkeypatch.chdir(tmp_path / "work")
     config = CloseConfig.from_json(asked, Path("ds.loop"))
     assert config.dataset.samefile("ds") and config.bundle == Path("nowhere/model")
+
+
+@pytest.mark.parametrize(("worked_s", "shared"), [(0.0, True), (3600.0, False)])
+def test_gears_that_were_warm_in_the_reference_are_no_lack_that_both_sides_share(model, robot, worked_s, shared):
+    """Free on both sides, cold friction of new recordings would take up any friction that has changed since."""
+    before = [replace(recording(model, k, rows=400, seed=1), worked_s=worked_s) for k in range(4)]
+    now = [recording(model, k, rows=400, seed=2, start_s=1e9 + 5000) for k in range(4)]
+    setup = set_up(Comparison(model, robot, now, before, frozenset({"thermal_friction"}), frozenset()), lambda _: None)
+    thermal = {index for each in setup.design.columns.candidates if each.id for index in each.indices.tolist()}
+    assert bool(thermal & {column.index for column in setup.regression.columns}) == shared

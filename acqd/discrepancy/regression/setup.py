@@ -131,7 +131,8 @@ def block_intercepts(columns: DesignColumns, noise_weights: Floats) -> list[Colu
 def _common(design: Design) -> list[int]:
     """Columns of structural effects: a model may lack them from the start, so that both sides are free to have them.
 
-    A column that never acts in the reference (a tool that was not mounted) remains a question about the new recordings.
+    A column that hardly acts in the reference (a tool that was not mounted, cold gears after an hour of work) remains a
+    question about the new recordings: free on both sides, it would take up what the reference cannot contradict.
     """
     effects = library()
     structural: set[int] = set()

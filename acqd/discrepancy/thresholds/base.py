@@ -24,10 +24,10 @@ class BaseThresholds:
         0.02, "of the torque limit", "noise", "study", "the same where the values are small; also W per W/Nm of loss"
     )
     common_share: float = threshold(
-        0.01,
+        0.1,
         "-",
         "noise",
         "study",
-        "mean power of a column in the reference, relative to the recordings in question, "
+        "mean square of a column in the reference, relative to the recordings in question, "
         "above which both share the column",
     )
