@@ -14,6 +14,7 @@ from acqd.api.places import Place, path_of
 from acqd.api.records import Effect, Parameter, Report, Verdict
 from acqd.dataset.places import default_folder
 from acqd.extras import LOOP, require
+from acqd.report.digits import percent
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,8 +46,8 @@ class LoopResult:
         simulated = ", simulated" if self.report["measured"] == "simulated" else ""
         caption = f"{self.verdict.replace('_', ' ')}: RMSE {before:.2f} W before, {after:.2f} W after{simulated}"
         rows = [
-            (effect["id"], effect["where"], _in_words(effect["parameters"]), f"{effect['confidence']:.0%}",
-             ", ".join(f"{rival['name']} {rival['confidence']:.0%}" for rival in effect["rivals"]) or "none")
+            (effect["id"], effect["where"], _in_words(effect["parameters"]), percent(effect["confidence"]),
+             ", ".join(f"{rival['name']} {percent(rival['confidence'])}" for rival in effect["rivals"]) or "none")
             for effect in self.effects
         ]  # fmt: skip
         return table(caption, ("effect", "where", "size (95 % interval)", "confidence", "rivals"), rows)

@@ -75,7 +75,7 @@ def list_(
         raw = segment.samples * len(head.origin.form.scale) * head.origin.form.dtype.itemsize
         table.add_row(
             head.origin.device, segment.path.name, rfc3339(segment.begin_ns, 3), rfc3339(segment.end_ns, 3),
-            str(segment.samples), f"{segment.size / 1e6:.2f}", f"{segment.size / raw:.1%}" if raw else "-",
+            str(segment.samples), f"{segment.size / 1e6:.2f}", f"{100 * segment.size / raw:.1f} %" if raw else "-",
             segment.why or "not yet",
         )  # fmt: skip
     console.print(table)

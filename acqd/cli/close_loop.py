@@ -16,6 +16,7 @@ from acqd.cli.progress import progress
 from acqd.cli.terminal import terminal
 from acqd.errors import UserError
 from acqd.extras import LOOP, require
+from acqd.report.digits import percent, year_text
 
 _TIMES = ["%Y-%m-%dT%H:%M:%S", "%Y-%m-%dT%H:%M:%SZ", "%Y-%m-%d %H:%M:%S", "%Y-%m-%d"]
 
@@ -148,9 +149,9 @@ def _print(result: dict[str, Any], folder: Path) -> None:
                 for name, p in effect["parameters"].items()
             ]
             alternatives = ", ".join(
-                f"{r['name']} {r['confidence']:.0%}" for r in effect["rivals"] if r["confidence"] >= 0.005
+                f"{r['name']} {percent(r['confidence'])}" for r in effect["rivals"] if r["confidence"] >= 0.005
             )
-            cells = [effect["id"], effect["where"], "\n".join(values), f"{effect['confidence']:.0%}"]
+            cells = [effect["id"], effect["where"], "\n".join(values), percent(effect["confidence"])]
             table.add_row(*cells, f"-{effect['delta_rmse']:.2f} W", alternatives)
         console.print(table)
     if result["causes"]:
@@ -173,7 +174,5 @@ def _corrected_by(correction: dict[str, Any]) -> str:
 
 
 def _a_year(effect: dict[str, Any]) -> str:
-    from acqd.report.digits import percent, year_text
-
     year = effect["a_year"]
     return f"{effect['id']}: {year_text(year)} a year, moving {percent(year['duty'])} of the time"

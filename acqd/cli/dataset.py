@@ -167,5 +167,5 @@ def show(path: Annotated[Path, typer.Argument(metavar="DS", help="Folder of a da
     version = f"version {manifest['version']}, " if manifest.get("version", 1) > 1 else ""
     console.print(
         f"{manifest['robot']}, {version}{label}{len(manifest['recordings'])} recordings, "
-        f"{valid_share(manifest):.1%} of the rows valid, {len(manifest['refused'])} logs refused"
+        f"{100 * valid_share(manifest):.1f} % of the rows valid, {len(manifest['refused'])} logs refused"
     )

@@ -53,6 +53,6 @@ def _now_and_then(console: Console) -> Show:
         now = time.monotonic()
         if now - last >= _EVERY_S:
             last = now
-            console.print(f"acqd: {step}, {share:.0%} after {now - started:.0f} s")
+            console.print(f"acqd: {step}, {100 * share:.0f} % after {now - started:.0f} s")
 
     return show

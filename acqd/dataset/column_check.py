@@ -16,6 +16,7 @@ from acqd.dataset.order_fit import OrderSample, pieces, share_of, shares_of
 from acqd.dataset.other_robot import other_robot
 from acqd.dataset.regressors import best_torque
 from acqd.errors import InputError, UserError
+from acqd.report.digits import percent
 from acqd.robot.description import RobotDescription
 from acqd.robot.inertia import inverse_dynamics
 from acqd.robot.log import RobotLog, in_time
@@ -221,8 +222,8 @@ def _contradiction(sample: Sample, robot: RobotDescription) -> str:
     worst = min(explained, key=lambda axis: explained[axis])
     return (
         f"the torques do not belong to the angles (worst joint {robot.joint[worst].name}, of which masses, "
-        f"friction and rotor explain {max(explained[worst], 0.0):.0%}): are the columns in the order of {robot.name}'s "
-        "axes, and of this recording?"
+        f"friction and rotor explain {percent(max(explained[worst], 0.0))}): are the columns in the order of "
+        f"{robot.name}'s axes, and of this recording?"
     )
 
 

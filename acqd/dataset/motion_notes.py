@@ -27,8 +27,9 @@ def motion_notes(logs: list[RobotLog]) -> list[str]:
         left_out = sum(log.quality.bad for log in faulty)
         share = left_out / max(sum(log.quality.moving for log in logs), 1)
         notes.append(
-            f"{left_out} rows ({share:.1%} of those in motion) of {sum(log.quality.bad > 0 for log in faulty)} logs do "
-            f"not hold the pose of their time; the worst, {worst.path}: {'; '.join(worst.quality.left_out())}"
+            f"{left_out} rows ({100 * share:.1f} % of those in motion) of "
+            f"{sum(log.quality.bad > 0 for log in faulty)} logs do not hold the pose of their time; "
+            f"the worst, {worst.path}: {'; '.join(worst.quality.left_out())}"
         )
     for what, names in (
         ("jumps by whole turns were unwrapped", {log.path: log.quality.unwrapped for log in faulty}),

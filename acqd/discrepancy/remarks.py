@@ -12,6 +12,7 @@ from acqd.discrepancy.selection.accepted import Selection, power_in_question
 from acqd.discrepancy.selection.session_columns import LEVEL
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.models.effects import library
+from acqd.report.digits import percent
 from acqd.residual.logged_torque import side_of
 from acqd.residual.residuals import explained_share, rms
 from acqd.threshold import Stage
@@ -69,7 +70,7 @@ def largely_unexplained(
     if share >= MOST:
         return []
     sizes = f"{rms(improved.errors):.2f} W remain on held-out recordings, {usual.lowest_W:.2f} W in the reference"
-    explained = f"what has a name explains {max(share, 0.0):.0%} of what the squared error has grown by"
+    explained = f"what has a name explains {percent(max(share, 0.0))} of what the squared error has grown by"
     return [f"{explained}: {sizes}; the largest cause may be something else"]
 
 

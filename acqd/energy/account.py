@@ -118,21 +118,27 @@ def account_of(
 def sum_of(periods: Sequence[Period]) -> Period:
     """The same period of several devices; powers of devices have no common maximum. Raises ValueError for none.
 
-    Where some devices have a cost, the energy of those without one has no price: the sum is a lower bound.
+    Where some devices have a cost, the energy of those without one has no price: the sum is a lower bound. So with CO2.
     """
     energies = [one.nWh for one in periods]
     costs, co2 = [one.cost for one in periods], [one.co2_kg for one in periods]
     means = [one.mean_W for one in periods if one.mean_W is not None]
     standby = [one.standby_nWh for one in periods]
-    without = sum(one.nWh or 0 for one in periods if one.cost is None) if any(cost is not None for cost in costs) else 0
     return Period(
         periods[0].begin, periods[0].end,
         sum(energy for energy in energies if energy is not None) if any(e is not None for e in energies) else None,
         min(one.known_s for one in periods), sum(means) if means else None, None, None,
-        _sum(costs), sum(one.unpriced_nWh for one in periods) + without, _sum(co2),
-        sum(one.no_co2_nWh for one in periods),
+        _sum(costs), sum(one.unpriced_nWh for one in periods) + _without(periods, costs), _sum(co2),
+        sum(one.no_co2_nWh for one in periods) + _without(periods, co2),
         None if None in standby else sum(one for one in standby if one is not None),
     )  # fmt: skip
+
+
+def _without(periods: Sequence[Period], values: Sequence[Fraction | None]) -> int:
+    """nWh of devices without a value, where others have one."""
+    if all(value is None for value in values):
+        return 0
+    return sum(one.nWh or 0 for one, value in zip(periods, values, strict=True) if value is None)
 
 
 def _sum(values: Sequence[Fraction | None]) -> Fraction | None:

@@ -165,13 +165,13 @@ def _angles(designed: Designed) -> Chart:
 
 def _path(designed: Designed) -> Figure:
     position, _ = forward_kinematics(designed.space.arm, designed.motion.q[:: RATE // _SHOWN_PER_S])
-    figure = Figure(figsize=(9, 4.2))
-    for axes, (a, b) in zip(figure.subplots(1, 2), ((0, 1), (0, 2)), strict=True):
+    figure = Figure(figsize=(9, 4.2), layout="constrained")
+    both = figure.subplots(1, 2, gridspec_kw={"wspace": 0.1})  # letters of a page may be wider than those of the layout
+    for axes, (a, b) in zip(both, ((0, 1), (0, 2)), strict=True):
         axes.plot(position[:, a], position[:, b], color="#2563eb", linewidth=0.8)
         axes.plot(*position[0, [a, b]], "o", color="#111827", markersize=5)
         axes.plot(0.0, 0.0, "s", color="#6b7280", markersize=7)
         axes.set_xlabel(f"{'xyz'[a]} [m]")
         axes.set_ylabel(f"{'xyz'[b]} [m]")
         axes.set_aspect("equal", adjustable="datalim")
-    figure.tight_layout()
     return figure

@@ -13,7 +13,7 @@ from acqd.fleet.settings import Fleet
 from acqd.fleet.summary import FleetReport, Row
 from acqd.report.blocks import Link
 from acqd.report.chain import REPORT
-from acqd.report.digits import counted, number
+from acqd.report.digits import counted, number, percent
 from acqd.report.lines import Chart, Line, Panel
 from acqd.report.page import Page
 from acqd.report.verdict import KeyFigure, Tone, Verdict
@@ -47,9 +47,10 @@ def _verdict(report: FleetReport) -> Verdict:
     if report.shared:
         several = sum(len(each["robots"]) for each in report.shared)
         headline += f", {several} of them for {counted(len(report.shared), 'shared cause')}"
+    false = percent(report.tests["false_discoveries"])
     figures = [
         KeyFigure("judged", str(report.tests["robots"]), f"of {len(report.robots)}"),
-        KeyFigure("changed", str(changed), f"expected false share at most {report.tests['false_discoveries']:.0%}"),
+        KeyFigure("changed", str(changed), f"expected false share at most {false}"),
     ]  # fmt: skip
     if failed:
         figures.append(KeyFigure("failed", str(failed), "see below"))

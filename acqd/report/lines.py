@@ -18,7 +18,7 @@ _LEFT, _RIGHT, _TOP, _GAP, _BOTTOM = 62, 8, 6, 14, 40
 _ONE_VALUE = 1e-5
 """Values within this share of their size are one: the numbers of the axis, of six digits, would be equal."""
 _CHARACTER = 7.5
-"""Units that a digit of an axis takes at most."""
+"""Units that a digit or a letter of an axis takes at most."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,12 +102,12 @@ class _Drawing:
     def __init__(self, chart: Chart, width: int, scale: float) -> None:
         self.width = width
         self.x_range = float(chart.x[0]), float(chart.x[-1])
-        scales = [_scale(panel, round(panel.height * scale)) for panel in chart.panels]
+        heights = [max(round(panel.height * scale), _label_height(panel)) for panel in chart.panels]
+        scales = [_scale(panel, height) for panel, height in zip(chart.panels, heights, strict=True)]
         longest = max((len(f"{tick:g}") for _, _, own in scales for tick in own), default=0)
         self.left = max(_LEFT, math.ceil(_LEFT + (longest - 4) * _CHARACTER))  # beside the label of the axis
         top, parts = _TOP, []
-        for panel, axis in zip(chart.panels, scales, strict=True):
-            height = round(panel.height * scale)
+        for panel, axis, height in zip(chart.panels, scales, heights, strict=True):
             parts.append(self._panel(chart, panel, axis, top, height))
             top += height + _GAP
         bottom = top - _GAP
@@ -144,6 +144,11 @@ class _Drawing:
         middle = (self.left + self.width - _RIGHT) / 2
         parts.append(f'<text x="{middle}" y="{bottom + 35}" text-anchor="middle">{html.escape(label)}</text>')
         return "".join(parts)
+
+
+def _label_height(panel: Panel) -> int:
+    """Units that the label takes beside its panel: that of the next one begins there."""
+    return math.ceil(_CHARACTER * len(panel.label))
 
 
 _Axis = tuple[float, float, list[float]]

@@ -54,7 +54,7 @@ def clock_fault(
     fro = _to_and_fro(q / speed, ways.fast)
     if fro > _TO_AND_FRO_SHARE:
         return ClockFault(
-            f"the arm goes to and fro from row to row in {fro:.0%} of the rows in motion: are rows of two "
+            f"the arm goes to and fro from row to row in {100 * fro:.0f} % of the rows in motion: are rows of two "
             "recorders, or of two robots, in one file? Write one file for each"
         )
     if ways.judged.sum() < FEWEST:
@@ -78,8 +78,8 @@ def clock_fault(
     if missing < _FEWEST_STEPS or share < _MISSING_SHARE or mad_sigma(beyond[judged], 0.0) > _CALM:
         return None
     return ClockFault(
-        f"across {missing} steps in motion ({share:.1%}) the arm goes as far as in two: if the times count rows, rows "
-        "are missing there, and the lag grows by each; record the controller's own time",
+        f"across {missing} steps in motion ({100 * share:.1f} %) the arm goes as far as in two: if the times count "
+        "rows, rows are missing there, and the lag grows by each; record the controller's own time",
         missing_s=missing * float(np.median(ways.step_s)),
         refused=False,  # a servo that reports its angle at its own pace does the same with true times
     )

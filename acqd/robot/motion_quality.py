@@ -148,4 +148,4 @@ class MotionQuality:
         return found
 
     def _rows(self, count: int) -> str:
-        return f"{count} of {self.moving} rows in motion ({count / max(self.moving, 1):.1%}) hold"
+        return f"{count} of {self.moving} rows in motion ({100 * count / max(self.moving, 1):.1f} %) hold"

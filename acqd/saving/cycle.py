@@ -60,7 +60,7 @@ class Rest:
         )  # fmt: skip
 
     def closed_s(self, seconds: float, brakes_after: float | None) -> float:
-        """How much longer the brakes are closed in a pause of `lasting` than they were, s."""
+        """How much longer the brakes are closed in a pause of so many seconds than they were, s."""
         if brakes_after is None:
             return 0.0
         return max(int((~self._brakes(seconds, brakes_after)).sum()) - int((~self.brake_open).sum()), 0) / RATE

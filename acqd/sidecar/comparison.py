@@ -16,6 +16,7 @@ from acqd.errors import UserError
 from acqd.models.metrics import predictions
 from acqd.models.predictor import Predictor
 from acqd.models.segments import Segment, segments_of
+from acqd.report.digits import percent
 from acqd.sidecar.log_file import LogFile
 from acqd.sidecar.residual import median_delay, residuals
 
@@ -73,7 +74,8 @@ def compare(log: LogFile, power: PowerStream, lag_s: float, model: Predictor) ->
     covered = min(1.0, seconds / max(end_s - start_s, 1e-9))
     if covered < _MIN_COVERED:
         raise UserError(
-            f"{log.path.name}: power rows are missing for {1 - covered:.0%} of the log; was the meter or the sink off?"
+            f"{log.path.name}: power rows are missing for {percent(1 - covered)} of the log; "
+            "was the meter or the sink off?"
         )
     return Comparison(segments, predicted, lag_s, covered, model.step_s)
 

@@ -12,6 +12,7 @@ from acqd.dataset.power import PowerStream
 from acqd.dataset.regressors import regressors_of
 from acqd.errors import UserError
 from acqd.models.predictor import Predictor
+from acqd.report.digits import percent
 from acqd.robot.description import RobotDescription
 from acqd.sidecar.clock_memory import ClockMemory, PlacedLag
 from acqd.sidecar.comparison import Comparison, compare
@@ -61,7 +62,7 @@ class Placer:
         t = power.time_ns[np.isfinite(power.P)] * 1e-9 + self._clock.last_lag_s
         seconds = np.count_nonzero((t >= start_s) & (t <= end_s)) * power.window_ns * 1e-9
         missing = 1 - seconds / max(end_s - start_s, 1e-9)
-        return f"; power rows are missing for {missing:.0%} of the log" if missing > _NOTEWORTHY_GAP else ""
+        return f"; power rows are missing for {percent(missing)} of the log" if missing > _NOTEWORTHY_GAP else ""
 
 
 def _refined(own: Lag, comparison: Comparison) -> Lag:

@@ -11,6 +11,7 @@ import orjson
 
 from acqd.arrays import Floats
 from acqd.models.bundle.envelope import Envelope
+from acqd.report.digits import percent
 from acqd.sidecar.clock_memory import PlacedLag
 from acqd.sidecar.comparison import Comparison
 from acqd.sidecar.log_file import printable
@@ -56,7 +57,7 @@ def log_result(done: Done) -> None:
         _log.warning("%s", done.message["reason"])
     else:
         missing = 1 - done.message["covered"]
-        note = f"; {missing:.0%} of it could not be compared" if missing > _NOTEWORTHY else ""
+        note = f"; {percent(missing)} of it could not be compared" if missing > _NOTEWORTHY else ""
         _log.info("%s: residual %.2f W RMS%s", done.name, done.message["rmse_W"], note)
     if done.message.get("alarm"):
         _log.warning("the residual has changed: %s", orjson.dumps(done.message["alarm"]).decode())

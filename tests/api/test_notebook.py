@@ -68,7 +68,7 @@ def test_a_result_shows_verdict_sizes_and_rivals(closed):
     assert "<td>payload</td><td>flange</td><td>mass " in shown and " kg (" in shown
     effect = report["effects"][0] | {"where": "<b>", "rivals": [{"id": None, "name": "a & b", "confidence": 0.1}]}
     shown = acqd.LoopResult(closed[0], report | {"effects": [effect]})._repr_html_()
-    assert "&lt;b&gt;" in shown and "a &amp; b 10%" in shown
+    assert "&lt;b&gt;" in shown and "a &amp; b 10 %" in shown
 
 
 def test_types_are_those_of_the_files(closed):

@@ -57,7 +57,7 @@ def _without_dataset(loop):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("robot", "ability", "{model}", "--motion", "nowhere"), "no such folder"),
+        (("robot", "ability", "{model}", "--motion", "nowhere"), "no such file or folder"),
         (("robot", "ability", "{model}", "--motion", "{log}"), "ur10e has 6 axes"),
         (("robot", "ability", "{model}", "--motion", "{empty}"), "is empty"),
         (("robot", "ability", "{ds}"), "is not a bundle"),

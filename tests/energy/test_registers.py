@@ -8,6 +8,7 @@ import pytest
 import sqlalchemy as sa
 
 from acqd.energy import periods
+from acqd.energy.account import sum_of
 from acqd.energy.read import read_accounts
 from acqd.energy.tariff import load_tariff
 from acqd.storage.database import open_database, transaction
@@ -163,6 +164,19 @@ def test_a_quarter_hour_that_exports_on_balance_costs_the_same_in_minutes(tmp_pa
     assert [float(one.cost) for one in fine] == pytest.approx([-0.5 * 0.08] * 7)
     assert [float(one.cost) for one in coarse] == pytest.approx([-0.5 * 0.08] * 7)
     assert {float(one.co2_kg) for one in (*fine, *coarse)} == {0.0}
+
+
+def test_co2_of_devices_of_which_one_has_no_factor_is_a_lower_bound(tmp_path):
+    engine = minutes(tmp_path, [6000.0] * 30)
+    (tmp_path / "t.toml").write_text("price = 0.3\nco2 = 0.4\n")
+    spans = [[MIDNIGHT, MIDNIGHT + 1800]]
+    known, without = (
+        read_accounts(engine, "cell1", spans, tariff, seconds=60)[0].total
+        for tariff in (load_tariff(tmp_path / "t.toml"), None)
+    )
+    both = sum_of([known, without])
+    assert both.no_co2_nWh == both.unpriced_nWh == without.nWh and both.co2_kg == known.co2_kg
+    assert sum_of([without, without]).no_co2_nWh == 0
 
 
 def test_energy_over_a_change_of_price_or_factor_in_a_gap_has_neither(tmp_path):

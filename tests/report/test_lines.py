@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from acqd.report.lines import MOST_POINTS, Line, Panel, _path, _scale, ticks
+from acqd.report.lines import MOST_POINTS, Chart, Line, Panel, _path, _scale, ticks
 from tests.report.charts import chart
 
 
@@ -64,3 +64,11 @@ def test_an_axis_has_at_least_three_numbers(low, span, count):
     found = ticks(low, low + span, count)
     assert 3 <= len(found) <= 2 * count + 1
     assert low - 1e-6 * span <= found[0] and found[-1] <= low + span * (1 + 1e-6)
+
+
+def test_labels_of_low_panels_stay_beside_their_panels():
+    names = ("shoulder_pan", "shoulder_lift")
+    t = np.arange(9.0)
+    low = Chart(t, "t [s]", [Panel(name, [Line("position", t)], 90) for name in names], "positions")
+    places = [float(y) for y in re.findall(r"translate\(13 ([\d.]+)\)", low.svg(400, 0.75))]
+    assert places[0] >= 6.5 * len(names[0]) / 2 and places[1] - places[0] >= 6.5 * (len(names[0]) + len(names[1])) / 2

@@ -191,7 +191,7 @@ def main() -> None:
         return
     table = Table("robot", "motion", "sessions", "boundaries", "within 80 ms", "share", "claimed", "median error")
     for each in scores:
-        share = "" if each.share is None else f"{each.share:.1%}"
+        share = "" if each.share is None else f"{100 * each.share:.1f} %"
         median = f"{np.median(each.error_ms):.0f} ms" if each.error_ms else ""
         table.add_row(each.robot, each.motion, *map(str, (each.sessions, each.true, each.hit)), share,
                       str(each.claimed), median)  # fmt: skip

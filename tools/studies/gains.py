@@ -34,6 +34,7 @@ from acqd.errors import UserError
 from acqd.models.bundle.bundle import load_bundle
 from acqd.models.config import TrainConfig
 from acqd.models.training import train_one
+from acqd.report.digits import percent
 from tools.common.tables import show
 from tools.studies.foreign.generator.arm import DESCRIPTIONS
 from tools.studies.foreign.generator.dosing import dosed
@@ -189,7 +190,7 @@ def tables(results: list[dict[str, Any]]) -> Table:
     """By robot and log: how many intervals hold the truth, and how wide they are."""
     table = Table(
         "robot", "log", "hidden", "named", "described: hold", "half width", "error", "calibrated: hold",
-        "half width", "error", title=f"95 % intervals of a payload, torque constants wrong (target {_TARGET:.0%})",
+        "half width", "error", title=f"95 % intervals of a payload, torque constants wrong (target {percent(_TARGET)})",
     )  # fmt: skip
     groups: dict[tuple[str, str], list[dict[str, Any]]] = {}
     for each in results:
@@ -210,9 +211,9 @@ def _cells(named: list[dict[str, Any]], scale: str) -> list[str]:
     low, high = np.array([each[scale]["ci95"] for each in some]).T
     errors = np.array([each[scale]["value"] for each in some]) / masses - 1
     return [
-        f"{held} of {len(some)} ({held / len(some):.0%})",
-        f"{np.median((high - low) / 2 / masses):.0%}",
-        f"{np.sqrt((errors**2).mean()):.0%}",
+        f"{held} of {len(some)} ({percent(held / len(some))})",
+        percent(np.median((high - low) / 2 / masses)),
+        percent(np.sqrt((errors**2).mean())),
     ]
 
 

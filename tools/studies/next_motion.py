@@ -19,6 +19,7 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
+from acqd.report.digits import percent
 from tools.common.commands import acqd_json
 from tools.common.tables import show, verdict
 
@@ -114,7 +115,7 @@ class Circle:
 
 def _said(report: dict[str, Any]) -> str:
     """Names with their confidence, or the verdict."""
-    names = ", ".join(f"{each['id']} {each['confidence']:.0%}" for each in report["effects"])
+    names = ", ".join(f"{each['id']} {percent(each['confidence'])}" for each in report["effects"])
     return names or str(report["verdict"])
 
 
@@ -134,7 +135,7 @@ def main() -> None:
         return
     table = Table("cause (simulated)", "now", "after the design", "after random motion", "promised", "right")
     for each in results:
-        promised = " / ".join(f"{each['promised'][key]:.0%}" for key in ("now", "designed", "random"))
+        promised = " / ".join(percent(each["promised"][key]) for key in ("now", "designed", "random"))
         right = " / ".join(verdict(each["right"][key], "yes", "no") for key in ("now", "designed", "random"))
         table.add_row(each["cause"], *each["said"].values(), promised, right)
     show(table, width=170)

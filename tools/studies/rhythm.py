@@ -23,6 +23,7 @@ from rich.table import Table
 
 from acqd.arrays import Floats
 from acqd.discrepancy.selection.detectors.rhythm import rhythm
+from acqd.report.digits import percent
 from tools.common.tables import show
 
 STEP_S = 0.04
@@ -105,8 +106,8 @@ def main() -> None:
     table = Table("probability said (simulated)", "loads", "thermostats", "share")
     for low, high in pairwise(BINS):
         within = (said >= low) & (said < high)
-        share = f"{true[within].mean():.0%}" if within.any() else ""
-        table.add_row(f"{low:.0%} to {min(high, 1):.0%}", str(within.sum()), str(true[within].sum()), share)
+        share = percent(true[within].mean()) if within.any() else ""
+        table.add_row(f"{percent(low)} to {percent(min(high, 1))}", str(within.sum()), str(true[within].sum()), share)
     show(table, width=100)
     scores = Table("kind", *NOISES, title="Brier score")
     for kind in (*EQUIPMENT, "thermostat"):

@@ -21,6 +21,7 @@ from scipy.stats import binomtest
 from acqd.cli.lab.circle import Circle, report_of
 from acqd.cli.lab.steps import Step, Steps
 from acqd.lab.plant.mechanics import PAYLOAD_CENTRE_M
+from acqd.report.digits import percent
 
 MASS_KG = 1.5
 TRUTH = {"mass": MASS_KG, "centre_of_mass_m": PAYLOAD_CENTRE_M}
@@ -102,7 +103,7 @@ def tables(results: list[Judged]) -> list[Table]:
         known = [held for each in results if (held := each.holds(name)) is not None]
         if known:
             share = binomtest(sum(known), len(known)).proportion_ci(method="wilson")
-            sums.add_row(name, str(len(known)), str(sum(known)), f"{share.low:.0%} to {share.high:.0%}")
+            sums.add_row(name, str(len(known)), str(sum(known)), f"{percent(share.low)} to {percent(share.high)}")
     return [all_, sums]
 
 

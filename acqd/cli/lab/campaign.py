@@ -111,7 +111,8 @@ def _print(report) -> None:  # type: ignore[no-untyped-def]
     steady = report.steady_error
     accuracy = "no steady window"
     if steady:
-        accuracy = f"error {steady['window_rms']:.3%} RMS per window, {steady['second_worst']:.3%} in the worst second"
+        window, second = (100 * steady[name] for name in ("window_rms", "second_worst"))
+        accuracy = f"error {window:.3f} % RMS per window, {second:.3f} % in the worst second"
     console.print(
         f"simulated: {report.recordings} recordings, {report.recorded_s / 3600:.2f} h recorded in "
         f"{report.streamed_s / 3600:.2f} h of power streams, {report.sample_pairs / 1e6:.0f} M sample pairs, "

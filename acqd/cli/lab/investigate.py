@@ -20,6 +20,7 @@ from acqd.cli.options import Json
 from acqd.cli.terminal import terminal
 from acqd.errors import UserError
 from acqd.extras import LOOP, MOTION, require
+from acqd.report.digits import percent
 
 _SHORT = ("--limited", "4", "--all", "0")
 """Recordings after the change: two minutes with the tool down leave small changes open."""
@@ -62,8 +63,8 @@ def investigate(
         return
     promised = found["designed"]["right_name"]
     screen.print(
-        f"designed motion: right name {promised['now']:.0%} now, {promised['designed']:.0%} after it, "
-        f"{promised['random']:.0%} after random motion"
+        f"designed motion: right name {percent(promised['now'])} now, {percent(promised['designed'])} after it, "
+        f"{percent(promised['random'])} after random motion"
     )
     if found["both"] is None:
         screen.print("no motion of this length decides: a second session is not recorded")

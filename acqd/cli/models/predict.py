@@ -41,7 +41,7 @@ def predict(
     share = float(prediction.outside.mean())
     if share > 0:
         terminal(stderr=True).print(
-            f"acqd: {log}: {share:.1%} of the rows are outside the range of motion of the training data"
+            f"acqd: {log}: {100 * share:.1f} % of the rows are outside the range of motion of the training data"
         )
     known = np.isfinite(prediction.P)
     summary = {

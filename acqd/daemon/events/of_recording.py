@@ -73,7 +73,7 @@ def doubt_of_voltage(path: Path, section: EventsSection, batch: WindowBatch) -> 
             typical = float(np.median(share))
             return [
                 f"{path}: no window of {CHANNELS[phase]} has about the declared voltage: usually {usual * typical:.4g} "
-                f"V, {typical:.0%} of {usual:.4g} V; is --declared-voltage {declared:g} right?"
+                f"V, {100 * typical:.0f} % of {usual:.4g} V; is --declared-voltage {declared:g} right?"
             ]
     return []
 

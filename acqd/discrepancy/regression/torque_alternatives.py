@@ -10,6 +10,7 @@ from acqd.models.effects.laws import TORQUE_LAWS
 from acqd.models.effects.laws.friction_laws import KNOTS, CoupledFriction, CurvedFriction
 from acqd.models.effects.laws.law import Law, MotionRange
 from acqd.models.effects.scene import Scene
+from acqd.report.digits import percent
 
 _BEGINNINGS = (1, 2, 3)
 """Knots above which a friction of one coefficient may begin."""
@@ -55,5 +56,5 @@ def single_laws(axes: int) -> Iterator[tuple[str, LawColumns]]:
             name = f"a friction of joint {joint} that grows with the speed of joint {other}"
             yield name, LawColumns(coupled, joint, (number,))
         for knot in _BEGINNINGS:
-            name = f"a friction of joint {joint} that begins above {KNOTS[knot]:.0%} of its highest speed"
+            name = f"a friction of joint {joint} that begins above {percent(KNOTS[knot])} of its highest speed"
             yield name, LawColumns(curved, joint, (1 + knot,))

@@ -12,6 +12,7 @@ from acqd.discrepancy.selection.accepted import Selected, Selection, unnamed
 from acqd.discrepancy.selection.beyond_reference import only_beyond_reference
 from acqd.discrepancy.selection.placing import without
 from acqd.discrepancy.thresholds import THRESHOLDS
+from acqd.report.digits import percent
 
 
 def named_effects(
@@ -48,7 +49,7 @@ def named_or_not(effect: Reported) -> Reported:
         return effect.without_name("hypothesis", f"more evidence than {law}")
     if effect.hypothesis is not None and effect.family_confidence < least:
         return effect.without_name(
-            "hypothesis", f"a confidence of {least:.0%} (the effect has {effect.family_confidence:.0%})"
+            "hypothesis", f"a confidence of {percent(least)} (the effect has {percent(effect.family_confidence)})"
         )
     rival, share = max(effect.alternatives, key=lambda pair: pair[1], default=("", 0.0))
     if effect.hypothesis is not None and share > effect.confidence:  # beside later effects, another one leads

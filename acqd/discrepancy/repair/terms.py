@@ -22,6 +22,7 @@ from acqd.models.effects import library
 from acqd.models.effects.effect import Effect
 from acqd.models.effects.places import Parameter, Place
 from acqd.models.greybox.model import GreyBox
+from acqd.report.digits import percent
 
 FIRST_MOMENT = "first moment about the last axis"
 """Parameter of a report: of a mass beside the last axis."""
@@ -232,7 +233,7 @@ def scaled(term: Term, factor: float) -> Term:
 def described(effect: Reported) -> str:
     """A sentence about the evidence, for report.json."""
     summary = library()[effect.term.id].summary
-    agreement = f"{effect.consistency:.0%} of {effect.recordings} recordings"
+    agreement = f"{percent(effect.consistency)} of {effect.recordings} recordings"
     if effect.evidence is None:
         return f"{summary}: {agreement} are shifted the same way"
     since = f", since {effect.start}" if effect.start else ""

@@ -7,6 +7,8 @@ from typing import Any
 
 import orjson
 
+from acqd.report.digits import percent
+
 _SHOWN = 3
 
 
@@ -27,7 +29,7 @@ def changed_belief(earlier: Path, now: dict[str, Any]) -> list[str]:
 
 def belief(report: dict[str, Any]) -> str:
     """A verdict in a line: the names with their confidence, or the leading hypotheses with their evidence."""
-    names = [f"{each['id']} ({each['where']}) {each['confidence']:.0%}" for each in report["effects"]]
+    names = [f"{each['id']} ({each['where']}) {percent(each['confidence'])}" for each in report["effects"]]
     rows = [
         f"{row['id'] or row['where']} {row['evidence']:.0f}" for row in report["hypotheses"][:_SHOWN]
         if row["evidence"] > 0

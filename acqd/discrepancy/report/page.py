@@ -177,7 +177,7 @@ def _agreement(each: Reported) -> str:
     """What the effect is, since when, and how many recordings say so."""
     since = f", since {each.start}" if each.start else ""
     shifted = " are shifted the same way" if each.evidence is None else " agree"
-    count = f"{each.consistency:.0%} of {counted(each.recordings, 'recording')}"
+    count = f"{percent(each.consistency)} of {counted(each.recordings, 'recording')}"
     return f"{library()[each.term.id].summary} ({each.term.where}{since}): {count}{shifted}"
 
 

@@ -71,7 +71,7 @@ class Hidden:
     @property
     def sized(self) -> str:
         """The size with its unit; a relative one as a percentage."""
-        return f"{self.size:.3g} {self.change.unit}" if self.change.unit else f"{self.size:+.0%}"
+        return f"{self.size:.3g} {self.change.unit}" if self.change.unit else f"{100 * self.size:+.0f} %"
 
 
 def drawn(seed: int) -> Hidden:

@@ -182,7 +182,7 @@ def _rate(recording: Recording, given: ChannelMap, f_nominal: float) -> tuple[fl
     if known is not None and given.rate is not None and abs(given.rate / known - 1) > _RATE_TOLERANCE:
         notes = (
             f"--rate {given.rate:g} overrules the file, whose samples come at {known:.6g} per second "
-            f"({given.rate / known - 1:+.1%}): f and W follow --rate",
+            f"({100 * (given.rate / known - 1):+.1f} %): f and W follow --rate",
         )
     if rate < _FEW * f_nominal:
         highest = max(int(0.48 * rate / f_nominal), 1)

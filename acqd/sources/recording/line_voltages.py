@@ -35,8 +35,8 @@ def star_voltages(path: Path, pairs: list[tuple[int, ...]], volts: Floats, amper
         names = ", ".join(f"u{a}{b}" for a, b in pairs)
         raise InputError(
             path,
-            f"its line voltages do not close the loop ({names} leave {left / _rms(volts).max():.0%}): a channel is of "
-            "another phase or direction; say which with --map, u13 instead of u31 where it is reversed",
+            f"its line voltages do not close the loop ({names} leave {100 * (left / _rms(volts).max()):.0f} %): a "
+            "channel is of another phase or direction; say which with --map, u13 instead of u31 where it is reversed",
         )
     neutral = _rms(amperes.sum(axis=1, keepdims=True)).max()
     if neutral > _NEUTRAL * _rms(amperes).max():

@@ -54,7 +54,7 @@ def test_a_doubt_asks_for_a_second_session_and_a_repeated_command_goes_on(monkey
         *("lab execute", "dataset build", "close-loop"),
     ]
     said = json.loads(done.stdout)
-    assert "50%" in said["first"] and "98%" in said["both"] and said["designed"] == PROMISE and said["simulated"]
+    assert "50 %" in said["first"] and "98 %" in said["both"] and said["designed"] == PROMISE and said["simulated"]
     asked.clear()
     assert acqd_here(*words).returncode == 0
     assert [line.split()[0] for line in asked] == ["train"]  # the double makes no bundle

@@ -38,7 +38,7 @@ print([m for m in ('pinocchio', 'scipy', 'matplotlib', 'ray') if m in sys.module
             "campaign ends with 1",
         ),
         (["campaign", "--out", "x", "--effect", "encoder_bias:axis=9"], "the robot has the axes 1 to 7"),
-        (["campaign", "--out", "x", "--settings", "typo.toml"], "typo.toml: effects.0: effect 'paylod' is unknown"),
+        (["campaign", "--out", "x", "--settings", "typo.toml"], "typo.toml: effects 1: effect 'paylod' is unknown"),
         (["campaign", "--out", "x", "--settings", "odd.toml"], "odd.toml: window: expected whole milliseconds"),
         (["campaign", "--out", "x", "--truth", "x/truth"], "which an analyst may read"),
         (

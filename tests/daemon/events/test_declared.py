@@ -20,7 +20,7 @@ def doubt(volts, **section):
 
 
 @pytest.mark.parametrize(
-    ("declared", "usual"), [(23.0, "1000%"), (2300.0, "10%"), (400.0, "57%"), (120.0, "192%"), (3470.0, "7%")]
+    ("declared", "usual"), [(23.0, "1000 %"), (2300.0, "10 %"), (400.0, "57 %"), (120.0, "192 %"), (3470.0, "7 %")]
 )
 def test_another_voltage_than_that_of_any_window_is_doubted(declared, usual):
     [note] = doubt([230.0, 231.0, np.nan, 229.0], declared_voltage=declared)

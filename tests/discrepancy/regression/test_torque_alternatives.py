@@ -75,6 +75,6 @@ def test_a_law_of_one_coefficient_is_what_its_name_says():
     above = np.maximum(np.abs(scene.qd[:, 1]) - 0.3 * fastest[1], 0.0)
     for name, power in (
         ("a friction of joint 2 that grows with the speed of joint 1", along * np.abs(scene.qd[:, 0])),
-        ("a friction of joint 2 that begins above 30% of its highest speed", along * above),
+        ("a friction of joint 2 that begins above 30 % of its highest speed", along * above),
     ):
         assert np.corrcoef(laws[name], power)[0, 1] > 0.999

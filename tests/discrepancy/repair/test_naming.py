@@ -38,7 +38,7 @@ CLIPPED = found(
             "a size whose 95 % interval excludes zero",
         ),
         (CLIPPED, "a size whose 95 % interval excludes zero"),
-        (replace(CERTAIN, family_confidence=0.43), "a confidence of 85% (the effect has 43%)"),
+        (replace(CERTAIN, family_confidence=0.43), "a confidence of 85 % (the effect has 43 %)"),
         (replace(CERTAIN, confidence=0.53), ""),  # the family is sure
         (
             replace(CERTAIN, confidence=0.32, alternatives=(("mechanical_power", 0.64),)),

@@ -17,6 +17,7 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
+from acqd.report.digits import percent
 from tools.studies.alignment.bed import campaign
 from tools.studies.alignment.cases import SUPPLIES, Result, run_case
 
@@ -71,8 +72,8 @@ def _figures(name: str, results: list[Result]) -> dict[str, object]:
         "median [ms]": round(float(np.median(errors[placed])), 1),
         "95 % [ms]": round(float(np.percentile(size, 95)), 1),
         "worst [ms]": round(float(size.max()), 1),
-        "within 10 ms": f"{(size <= 10).mean():.0%}",
-        "in interval": f"{(size <= within[placed]).mean():.0%}",
+        "within 10 ms": percent((size <= 10).mean()),
+        "in interval": percent((size <= within[placed]).mean()),
         "> 20 ms, silent": int((size[~announced[placed]] > 20).sum()),
         "clock set, found": f"{sum(each.steps_found > 0 for each in results if each.was_set)} of "
         f"{sum(each.was_set for each in results)}",

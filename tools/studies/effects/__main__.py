@@ -20,6 +20,7 @@ from typing import Any
 
 from rich.console import Console
 
+from acqd.report.digits import percent
 from tools.studies.effects.cases import OUTSIDE_IDS, Case, World, make_case
 from tools.studies.effects.prepared import known_for, prepared
 from tools.studies.effects.score import table
@@ -97,7 +98,7 @@ def main() -> None:
                     console.print(f"{number}/{len(work)} {name}: {type(error).__name__}: {error}", highlight=False)
                     continue
                 report = done.result()["report"]
-                found = ", ".join(f"{e['id']} {e['confidence']:.0%}" for e in report["effects"])
+                found = ", ".join(f"{e['id']} {percent(e['confidence'])}" for e in report["effects"])
                 console.print(f"{number}/{len(work)} {name}: {report['verdict']} {found}", highlight=False)
     results = [json.loads(path.read_text()) for path in sorted((out / "results" / arguments.base).glob("*.json"))]
     for each in table(results):

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
+from acqd.report.digits import percent
 from tools.studies.effects.cases import OUTSIDE_IDS
 
 _UNNAMED = {"torque_bias", "spring", *OUTSIDE_IDS}
@@ -86,7 +87,8 @@ def _cases(results: list[dict[str, Any]]) -> Table:
     for result in results:
         report = result["report"]
         named = (
-            "; ".join(f"{e['id']} {e['where']} {e['confidence']:.0%}" for e in report["effects"]) or report["verdict"]
+            "; ".join(f"{e['id']} {e['where']} {percent(e['confidence'])}" for e in report["effects"])
+            or report["verdict"]
         )
         parameters = "; ".join(
             f"{name} {p['value']:.3g}" + (f" [{p['ci95'][0]:.3g}, {p['ci95'][1]:.3g}]" if p["ci95"] else "")

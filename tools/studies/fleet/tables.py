@@ -26,7 +26,10 @@ def _fleet(result: dict[str, Any]) -> Table:
     rows = [
         ("robots, with hidden effects", f"{result['robots']}, {result['hidden']}"),
         ("found", f"{result['found']} of {result['hidden']}; missed: {', '.join(result['missed']) or 'none'}"),
-        ("false discoveries", f"{len(result['false'])} ({result['false_share']:.1%}): {', '.join(result['false'])}"),
+        (
+            "false discoveries",
+            f"{len(result['false'])} ({100 * result['false_share']:.1f} %): {', '.join(result['false'])}",
+        ),
         ("cause named", f"{result['named']} of {result['found']} found"),
         ("error of the onset, median", f"{result['onset_error_min'] or 0:.1f} min"),
         ("shared cause", _shared(result["shared"])),

@@ -37,6 +37,7 @@ from acqd.errors import OperationError, UserError
 from acqd.experiment.design import Asked, Designed, next_motion
 from acqd.experiment.pieces import Piece, motion_of
 from acqd.motion.controller import RATE
+from acqd.report.digits import percent
 from tools.common.tables import show
 from tools.studies.foreign.cases import World, cases, make_after, make_second
 from tools.studies.foreign.generator import motion as foreign
@@ -188,7 +189,7 @@ def main() -> None:
         return
     table = Table("case (simulated)", "compared", "now", *ARMS, "promised now / designed / D-optimal")
     for row in rows:
-        promised = " / ".join(f"{value:.0%}" for value in row["promised"].values())
+        promised = " / ".join(percent(value) for value in row["promised"].values())
         said = [row["said"].get(name, "-") for name in ("now", *ARMS)]
         table.add_row(f"{row['world']} {row['case']}", ", ".join(row["compared"]), *said, promised)
     show(table, width=200)

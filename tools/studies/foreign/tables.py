@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
+from acqd.report.digits import percent
 from tools.studies.foreign.judge import (
     OUTCOMES,
     Result,
@@ -191,4 +192,4 @@ def _named(effect: dict[str, Any]) -> str:
     name, largest = max(fitted.items(), key=lambda item: abs(item[1]["value"]))
     where = name if effect["where"] == "each joint" else effect["where"]
     ends = f" [{largest['ci95'][0]:.3g}, {largest['ci95'][1]:.3g}]" if largest["ci95"] else ""
-    return f"{effect['id']} {where} {largest['value']:.3g}{ends} {largest['unit']} {effect['confidence']:.0%}"
+    return f"{effect['id']} {where} {largest['value']:.3g}{ends} {largest['unit']} {percent(effect['confidence'])}"

@@ -24,6 +24,7 @@ from rich.table import Table
 
 from acqd.cli.main import for_people
 from acqd.models.effects import library
+from acqd.report.digits import percent
 from tools.studies.measured_robots.__main__ import acqd, write_inputs
 
 _ROBOT = "ur10e"
@@ -100,7 +101,7 @@ def named(report: dict[str, Any]) -> str:
         interval = "" if first["ci95"] is None else " ({:.3g} to {:.3g})".format(*first["ci95"])
         texts.append(
             f"{effect['id']} ({effect['where']}): {name} {first['value']:.3g} {first['unit']}{interval}, "
-            f"{effect['confidence']:.0%}"
+            f"{percent(effect['confidence'])}"
         )
     return "; ".join(texts)
 

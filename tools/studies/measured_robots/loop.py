@@ -17,6 +17,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
+from acqd.report.digits import percent
 from tools.studies.measured_robots.__main__ import ROBOTS, acqd, prepare
 
 _CUT_S = 5.0
@@ -54,7 +55,7 @@ def main() -> None:
                 table.add_row(robot.name, term or "nothing", done.stderr.strip().splitlines()[-1], "", "")
                 continue
             report = json.loads(done.stdout)
-            identified = "; ".join(f"{e['id']} ({e['where']}) {e['confidence']:.0%}" for e in report["effects"])
+            identified = "; ".join(f"{e['id']} ({e['where']}) {percent(e['confidence'])}" for e in report["effects"])
             errors = f"{report['before']['rmse']:.2f} -> {report['after']['rmse']:.2f}"
             table.add_row(robot.name, term or "nothing", report["verdict"], identified or report["unexplained"], errors)
     Console(width=170).print(table)

@@ -24,6 +24,7 @@ from acqd.discrepancy.config import CloseConfig
 from acqd.discrepancy.loop import close_loop
 from acqd.models.config import TrainConfig
 from acqd.models.training import train_one
+from acqd.report.digits import percent
 from tools.common.tables import show
 
 DESCRIPTION = Path(__file__).with_name("pendulum.toml")
@@ -77,7 +78,7 @@ def _row(name: str, closed: Closed) -> list[str]:
     texts = []
     for effect in closed.improved.effects:
         moment = effect.term.parameters.get(MOMENT)
-        sure = f"{effect.term.id} {effect.confidence:.0%}{'' if effect in closed.improved.named else ', no name'}"
+        sure = f"{effect.term.id} {percent(effect.confidence)}{'' if effect in closed.improved.named else ', no name'}"
         texts.append(
             sure
             if moment is None or moment["ci95"] is None

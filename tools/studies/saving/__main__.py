@@ -1,10 +1,12 @@
 """Judges `acqd save` on foreign plants: is a predicted saving there, and is its interval honest?
 
-    python -m tools.studies.saving OUT [--programs 3 --plants 1 --robots ur10e fr3 --seconds 40 --amount short --seed 1]
+    python -m tools.studies.saving OUT [--programs 3 --plants 1 --robots ur10e fr3 --seconds 40 --amount short --seed 1
+        --metered]
 
 The plants share neither equations nor parameters with acqd (tools.studies.foreign). Of each, acqd trains a grey box on
 random motion, as a user would. Then pick-and-place programs with other laws of motion are executed, acqd proposes from
-their logs, and the plant executes every proposal as the CSV of timed joints says. All data are simulated.
+their logs, and the plant executes every proposal as the CSV of timed joints says. With `--metered`, original and best
+proposal are executed once more with MuJoCo's torques, and metered by the daemon's tasks. All data are simulated.
 """
 
 from __future__ import annotations
@@ -30,6 +32,7 @@ from tools.studies.foreign.cases import World
 from tools.studies.foreign.generator.motion import STEP_S
 from tools.studies.foreign.runner import Runner
 from tools.studies.saving.execution import energy, greatest, replayed, violations, write_log
+from tools.studies.saving.metered import metered
 from tools.studies.saving.programs import Executed, pick_and_place
 
 _KEY = 44021
@@ -46,14 +49,15 @@ def options() -> argparse.Namespace:
     parser.add_argument("--robots", nargs="+", default=["ur10e", "iiwa7_r800", "fr3"], help="shipped descriptions")
     parser.add_argument("--seconds", type=float, default=40.0, help="of a program")
     parser.add_argument("--amount", choices=["short", "full"], default="short", help="of recordings to learn from")
+    parser.add_argument("--metered", action="store_true", help="the best also by MuJoCo and the daemon's metering")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--json", action="store_true")
     return parser.parse_args()
 
 
-def judged(runner: Runner, number: int, seconds: float) -> list[dict[str, Any]]:
-    """All proposals of one program: predicted and measured."""
-    done = runner.work / f"program{number}.json"
+def judged(runner: Runner, number: int, seconds: float, *, by_daemon: bool) -> list[dict[str, Any]]:
+    """All proposals of one program: predicted and measured; `by_daemon`: the best also as `metered` says."""
+    done = runner.work / f"program{number}{'-metered' if by_daemon else ''}.json"
     if done.exists():
         return list(json.loads(done.read_text()))
     model, world = runner.prepare(), runner.world
@@ -70,20 +74,28 @@ def judged(runner: Runner, number: int, seconds: float) -> list[dict[str, Any]]:
         whole = _waiting(program, waiting)
         before = energy(plant, whole, np.ones(len(whole.q)))
         now = block.instead.use.causes
-        executed: dict[float, tuple[float, list[str]]] = {}  # the best together is often one of the single changes
+        best = block.proposals[-1].use.energy if block.proposals else None
+        executed: dict[
+            float, tuple[float, list[str], float | None]
+        ] = {}  # the best together is often one of the single changes
         for each in block.proposals:
             longer_s = each.use.seconds - found.before.seconds
             again = each.use.energy in executed
             if not again:
                 motion = replayed(timed_joints(each.motion), len(program.q) + round(longer_s / STEP_S))
-                after = energy(plant, motion, _brakes(each, len(motion.q), signals=plant.signals))
-                executed[each.use.energy] = after, violations(plant, motion, own)
-            after, broken = executed[each.use.energy]
+                brakes = _brakes(each, len(motion.q), signals=plant.signals)
+                by_register = None
+                if by_daemon and each.use.energy == best:
+                    by_register = metered(plant, whole, np.ones(len(whole.q)), random)
+                    by_register -= metered(plant, motion, brakes, random)
+                executed[each.use.energy] = energy(plant, motion, brakes), violations(plant, motion, own), by_register
+            after, broken, by_register = executed[each.use.energy]
             lines.append(
                 {
                     "plant": world.name, "program": number, "block": title, "name": each.name,
                     "before_J": before, "predicted_J": each.saving, "half_J": each.half, "measured_J": before - after,
                     "verdict": each.verdict, "violations": broken, "again": again,
+                    "metered_J": by_register,
                     "change_J": {cause: used - each.use.causes.get(cause, 0.0) for cause, used in now.items()},
                 }
             )  # fmt: skip
@@ -120,6 +132,7 @@ def summary(lines: list[dict[str, Any]]) -> dict[str, Any]:
         return float(np.median(of)) if of else float("nan")
 
     best = [each for each in lines if each["name"] == "best together"]
+    by_daemon = [each for each in known if each["metered_J"] is not None]
     plants = [each["plant"] for each in known]
     return {
         "programs": len({(each["plant"], each["program"]) for each in lines}),
@@ -130,7 +143,9 @@ def summary(lines: list[dict[str, Any]]) -> dict[str, Any]:
         "said_to_save": sum(each["verdict"] == "saves" for each in known), "of_these_worse": len(worse),
         "unprovable": sum(each["verdict"] == "unprovable" for each in known),
         "best_within_interval": sum(abs(each["measured_J"] - each["predicted_J"]) <= each["half_J"] for each in best),
-        "best": len(best), "limits_violated": sum(bool(each["violations"]) for each in lines),
+        "metered_within_interval": sum(abs(e["metered_J"] - e["predicted_J"]) <= e["half_J"] for e in by_daemon),
+        "metered": len(by_daemon), "best": len(best),
+        "limits_violated": sum(bool(each["violations"]) for each in lines),
         "median_saving": {
             "equal, best": median("equal", "best together", "measured_J"),
             "equal, plain slowing into the waits": median("equal", "plain slowing into the waits", "measured_J"),
@@ -175,18 +190,21 @@ def main() -> None:
     for world, number in track(tasks, "programs", console=Console(stderr=True)):
         runner = Runner(given.out.resolve(), world, "saving", None)
         try:
-            lines += judged(runner, number, given.seconds)
+            lines += judged(runner, number, given.seconds, by_daemon=given.metered)
         except UserError as error:
             print(f"{world.name}, program {number}: {error}")
     if given.json:
         print(json.dumps({"proposals": lines, "summary": summary(lines)}))
         return
-    table = Table("plant (simulated)", "program", "cycle", "proposal", "predicted", "90 %", "measured", "said")
+    table = Table(
+        "plant (simulated)", "program", "cycle", "proposal", "predicted", "90 %", "measured", "metered", "said"
+    )
     for each in lines:
         share = [100 * each[key] / each["before_J"] for key in ("predicted_J", "half_J", "measured_J")]
         table.add_row(
             each["plant"], str(each["program"]), each["block"], each["name"], f"{share[0]:.2f} %",
-            f"+-{share[1]:.2f} %", f"{share[2]:.2f} %", each["verdict"],
+            f"+-{share[1]:.2f} %", f"{share[2]:.2f} %",
+            "" if each["metered_J"] is None else f"{100 * each['metered_J'] / each['before_J']:.2f} %", each["verdict"],
         )  # fmt: skip
     show(table, width=150)
     for name, value in summary(lines).items():

@@ -14,7 +14,8 @@ from tools.studies.foreign.generator.motion import STEP_S, Motion
 from tools.studies.foreign.generator.plant import Plant, Session, flow
 from tools.studies.saving.programs import Executed
 
-_WARM = 0.95
+WARM = 0.95
+"""Of the gears at the start: 0 cold, 1 warm."""
 _BEFORE = 400
 """Rows at rest before and after, so that the lag of the supply and the last window are complete."""
 _LOG_EVERY, _ANGLE_NOISE_RAD = 2, 2e-5
@@ -31,7 +32,7 @@ def energy(plant: Plant, motion: Executed, brake_open: Floats) -> float:
     t = np.asarray(STEP_S * np.arange(len(q)))
     whole = Motion(t, q, qd, qdd, (slice(_BEFORE, _BEFORE + rows),), np.zeros(len(q)))
     rigid = joint_torques(plant.arm, plant.arm.bodies, q, qd, qdd)
-    friction = plant.friction.torque(q, qd, rigid, _WARM)
+    friction = plant.friction.torque(q, qd, rigid, WARM)
     still = np.zeros(len(q))
     session = Session(plant, whole, rigid, friction, around(brake_open), still, still + 231.0, still)
     power = np.repeat(flow(session, []).power, meter.WINDOW_ROWS)

@@ -14,6 +14,7 @@ import numpy as np
 from acqd.models.bundle.restore import open_model
 from acqd.models.compare.kernels import likeness
 from acqd.models.networks.predictor import NetworkPredictor
+from acqd.report.digits import percent
 from tools.studies.thesis.assembly import CLOSED, GREY_BOX, NETWORK, Places
 
 _POOR = 3.0
@@ -186,7 +187,7 @@ def _use_case(results: Results) -> list[Claim]:
 
 def _beyond(results: Results) -> list[Claim]:
     loop, models = results.assembly["loop"], results.assembly["models"]
-    effects = ", ".join(f"{e['id']} ({e['confidence']:.0%})" for e in loop["effects"]) or loop["verdict"]
+    effects = ", ".join(f"{e['id']} ({percent(e['confidence'])})" for e in loop["effects"]) or loop["verdict"]
     before, after = (models[name]["predicted"]["mae"] for name in (GREY_BOX, CLOSED))
     fmu = next(iter(results.fmu.values()))
     step = fmu["others"]["acqd"]["step"]
