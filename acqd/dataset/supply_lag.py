@@ -2,8 +2,8 @@
 
 Lag and offset differ in how they smooth fast changes only. One regression of many recordings together tells them
 apart. A pure delay of the supply cannot be told from a clock offset by any log: it is part of the lags. Nor can a
-smoothing without delay, of currents from which power was computed or of the poses: below BAND_HZ it weakens fast
-changes as a supply's lag does whose square is the variance of its window. The interval holds both.
+smoothing without delay, of currents from which power was computed or of the poses, be told from a supply's lag: below
+BAND_HZ it weakens fast changes as a supply does whose lag is the standard deviation of its window.
 """
 
 from __future__ import annotations
@@ -28,9 +28,6 @@ LONGEST_S = 0.06
 """A supply has no longer lag."""
 _CANDIDATES_S = np.linspace(0.0, 0.075, 7)  # the outer ones keep the spline's end conditions away from LONGEST_S
 _MODEL_ERROR_S = 0.004  # of the supply's lag: the regression is not the robot (tools/studies/alignment)
-_UNSEEN_SMOOTHING_S = 0.012
-"""Standard deviation of the window of a smoothing without delay that nobody told of: a Hann window of seven rows at
-100 Hz."""
 UNKNOWN_ERROR_S = 0.01
 """Standard error of USUAL_LAG_S, where nothing tells the supply."""
 _FEW_RECORDINGS = 6
@@ -87,7 +84,7 @@ def supply_lag(
     ):  # what the smoothing hides looks like a longer supply lag
         mean, error, at_end = USUAL_LAG_S, _COARSE_ERROR_S, False
     misfit = _MODEL_ERROR_S if len(chosen) >= _FEW_RECORDINGS else UNKNOWN_ERROR_S
-    error = float(np.linalg.norm([error, misfit, _of_unseen_smoothing(mean)]))
+    error = float(np.hypot(error, misfit))
     middles = np.array([float(np.median(fit.lags_s)) for fit in fits])
     at, usual, low, high = np.interp([mean, USUAL_LAG_S, mean - error, mean + error], _CANDIDATES_S, middles)
     nearest = fits[int(np.abs(_CANDIDATES_S - mean).argmin())]
@@ -103,12 +100,6 @@ def supply_lag(
         if (behind_mean - behind_supply) / inflation < _STEEP:  # better, or nobody can tell
             return _behind_slow_meter(meter, chosen, float(usual))
     return SupplyLag(mean, error, float(at - usual), abs(float(high - low)) / 2, chosen, final)
-
-
-def _of_unseen_smoothing(lag_s: float) -> float:
-    """By how much (s) a supply's lag is wrong where power or poses, not the supply, are smoothed."""
-    low, high = (np.sqrt(max(lag_s**2 + sign * _UNSEEN_SMOOTHING_S**2, 0.0)) for sign in (-1, 1))
-    return float(high - low) / 2
 
 
 def _behind_slow_meter(meter: SlowMeter, chosen: list[int], usual_s: float) -> SupplyLag:

@@ -4,13 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.ndimage import gaussian_filter1d
 
 from acqd.dataset.align import Lag
 from acqd.dataset.left_out import Judge
 from acqd.dataset.placement import place
 from acqd.dataset.supply_lag import USUAL_LAG_S, supply_lag
-from tests.dataset.motion import WINDOW_S, power_of, robot
+from tests.dataset.motion import power_of, robot
 
 _COUNT = 6
 LAGS_S = 0.3 + np.array([0.0, 0.0004, 0.0009, 0.0013, 0.0016, 0.0021])
@@ -121,13 +120,3 @@ def test_a_mean_over_many_rows_is_known_and_its_stamps_are_doubted(late_rows):
         middle = true - 0.04 * late_rows
         assert placement.lag_s == pytest.approx(middle, abs=0.05)
         assert abs(placement.lag_s - true) < placement.within_s < 0.4
-
-
-def test_a_smoothing_without_delay_looks_like_a_supply_and_is_in_the_interval():
-    recordings = robot(_COUNT, 17)
-    power = power_of(recordings, LAGS_S, 0.0, 18)
-    smooth = replace(power, P=gaussian_filter1d(power.P, 0.012 / WINDOW_S))
-    found = place(recordings, smooth, 1.0, silent)
-    assert found.supply_lag_s - found.supply_within_s < 0.0 < found.supply_lag_s
-    for placement, true in zip(found.placements, LAGS_S, strict=True):
-        assert abs(placement.lag_s - true) < placement.within_s
