@@ -49,7 +49,8 @@ def _read(path: Path) -> list[Trace]:
     begin = sum(lengths)
     if min(lengths) < 0 or begin < _LEAST or size <= 0 or begin + size > available:
         raise InputError(path, f"is truncated: announces {begin + size} bytes, has {available}")
-    if not 0 < points <= (there := size // (2 if wide else 1)):
+    there = size // (2 if wide else 1)
+    if not 0 < points <= there:
         raise InputError(path, f"announces {points} samples, has {there}")
     codes = stored(path, f"{order}i2" if wide else "i1", points, at + begin)
     gain, offset = number("f", 156), number("f", 160)

@@ -108,6 +108,15 @@ def test_every_version_of_tektronix_wfm_is_that_of_an_independent_reader(tmp_pat
     assert ours.rate == pytest.approx(RATE)
 
 
+@pytest.mark.parametrize("points", [0, -5, 10**9])
+def test_a_trace_of_lecroy_without_samples_is_refused(tmp_path, points):
+    content = bytearray(lecroy(U, "V", prefix=b""))
+    content[116:120] = struct.pack("<i", points)
+    (tmp_path / "a.trc").write_bytes(content)
+    with pytest.raises(InputError, match=rf"announces {points} samples, has {len(U)}"):
+        load_waveform(tmp_path / "a.trc")
+
+
 @pytest.mark.parametrize(
     ("place", "value", "complaint"),
     [
