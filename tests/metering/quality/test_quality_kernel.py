@@ -243,6 +243,9 @@ for samples in (64, 100):
     for kind in (np.int16, np.int32):
         for channels in (2, 4, 6):
             look.look_at(np.ones((samples, channels), dtype=kind), samples // 2 + 1)
+            blocks = np.ones((5 * samples, channels), dtype=kind), samples * np.arange(6)
+            usual = np.array([1.0, 1.0, 1.0, 3e4])
+            assert look.Looker(channels, samples).calm(*blocks, 10**6, usual, np.ones(channels)) == 5
 for count in (10, 12):
     spectrum.groups(np.ones((6, 51 * count + 1), dtype=complex), count, 50)
 linear_filter.LinearFilter(linear_filter.butterworth(32, 35.0, 2_000.0), 3).feed(x[:3])
