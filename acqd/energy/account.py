@@ -13,10 +13,9 @@ import numpy as np
 from acqd.arrays import Floats
 from acqd.energy.standby import Standby, standby_of
 from acqd.energy.stretches import NWH_PER_KWH, Kind, Stretches, known_seconds
-from acqd.energy.tariff import Tariff
+from acqd.energy.tariff import QUARTER_S, Tariff
 from acqd.storage.buckets import Buckets
 
-_QUARTER_S = 900
 _WHOLE = 0.999
 """Least share of its rows that a quarter hour needs for a demand (docs/rows.md)."""
 
@@ -186,7 +185,7 @@ class _Priced:
     def _imports(self) -> list[bool]:
         """Whether the quarter hour of each stretch imports more than it exports; over a gap, the stretch itself."""
         of, place = self._stretches, self._place
-        energy, quarter = of.nWh[place], of.start[place] // _QUARTER_S
+        energy, quarter = of.nWh[place], of.start[place] // QUARTER_S
         over_a_gap = of.begin[place] < of.start[place]
         _, group = np.unique(np.where(over_a_gap, -1 - np.arange(len(place)), quarter), return_inverse=True)
         net = np.zeros(group.max(initial=-1) + 1, dtype=energy.dtype)
@@ -258,7 +257,7 @@ class _Sums:
     def demand(self, begin: int, end: int) -> Demand | None:
         """The highest complete quarter hour between Unix times [s]."""
         start, watts, whole = self._quarters
-        here = (start >= begin) & (start + _QUARTER_S <= end)
+        here = (start >= begin) & (start + QUARTER_S <= end)
         usable = here & whole
         if not usable.any():
             return None
@@ -268,13 +267,13 @@ class _Sums:
 
 def _quarters(buckets: Buckets, stretches: Stretches, known_s: Floats) -> tuple[np.ndarray, Floats, np.ndarray]:
     """Start, mean power [W] and completeness of every quarter hour of UTC with rows."""
-    start, place = np.unique(buckets.start // _QUARTER_S * _QUARTER_S, return_inverse=True)
+    start, place = np.unique(buckets.start // QUARTER_S * QUARTER_S, return_inverse=True)
     covered = np.bincount(place, known_s, minlength=len(start))
-    whole = covered >= _WHOLE * _QUARTER_S
+    whole = covered >= _WHOLE * QUARTER_S
     nWh = np.zeros(len(start))
-    of = np.searchsorted(start, stretches.start // _QUARTER_S * _QUARTER_S)
+    of = np.searchsorted(start, stretches.start // QUARTER_S * QUARTER_S)
     inside = (of < len(start)) & (stretches.kind == Kind.KNOWN)
     np.add.at(nWh, of[inside], stretches.nWh[inside].astype(np.float64))
     spoiled = of[(of < len(start)) & ((stretches.kind != Kind.KNOWN) | (stretches.begin < stretches.start))]
     whole[spoiled] = False
-    return start, nWh / NWH_PER_KWH * 3.6e6 / _QUARTER_S, whole
+    return start, nWh / NWH_PER_KWH * 3.6e6 / QUARTER_S, whole

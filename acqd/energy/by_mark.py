@@ -16,12 +16,12 @@ import sqlalchemy as sa
 from acqd.energy.marks import Marks
 from acqd.energy.read import NoRowsError, channel_of
 from acqd.energy.stretches import NWH_PER_KWH, nwh
-from acqd.energy.tariff import Tariff
+from acqd.energy.tariff import QUARTER_S, Tariff
 from acqd.storage import buckets as stored
 from acqd.storage.row_series import Piece, row_series
 from acqd.timestamps import filetime
 
-_TICKS, _QUARTER_S = 10_000_000, 900
+_TICKS = 10_000_000
 _GAP = 1.5
 """Intervals of rows from which on rows lack."""
 _CLEARLY, _COARSE_KWH = 1.5, 1.0
@@ -84,7 +84,7 @@ class _State:
 
 def by_mark(engine: sa.Engine, device: str, marks: Marks, begin: int, end: int, tariff: Tariff | None) -> ByMark:
     """Unix times [s]. Raises NoRowsError, UserError for several channels, or InputError where there is no price."""
-    step_s = _QUARTER_S if tariff is None else tariff.resolution
+    step_s = QUARTER_S if tariff is None else tariff.resolution
     with engine.connect() as connection:
         channel = channel_of(connection, device, begin, end)
         interval = stored.row_interval(connection, device, channel, begin, end)
@@ -198,13 +198,13 @@ def _values(
     prices = _prices(tariff, [since for _, since in state.nWh]) if tariff is not None and priced else None
     net: dict[tuple[int, int], int] = {}
     for (number, since), energy in state.nWh.items():
-        quarter = number, since // _QUARTER_S
+        quarter = number, since // QUARTER_S
         net[quarter] = net.get(quarter, 0) + energy
     for k, ((number, since), energy) in enumerate(state.nWh.items()):
         of = found[names[k]]
         of.nWh += energy
         if prices is not None and tariff is not None and of.cost is not None:
-            imports = net[number, since // _QUARTER_S] >= 0
+            imports = net[number, since // QUARTER_S] >= 0
             of.cost += Fraction(energy, NWH_PER_KWH) * (prices[k] if imports else tariff.feed_in)
     return sorted(found.values(), key=lambda each: not each.name)
 

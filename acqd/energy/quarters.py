@@ -18,12 +18,11 @@ from sqlalchemy.dialects import postgresql, sqlite
 from acqd.energy.account import Period
 from acqd.energy.price_series import Series
 from acqd.energy.read import devices, read_accounts
-from acqd.energy.tariff import Tariff
+from acqd.energy.tariff import QUARTER_S, Tariff
 from acqd.errors import UserError
 from acqd.storage.database import transaction
 from acqd.storage.schema import ROLLUPS, energy_quarter
 
-_QUARTER_S = 900
 _DAY_S = 86_400
 _LATE_S = 2 * 3600
 _LATE_DAYS_S = 2 * _DAY_S
@@ -50,7 +49,7 @@ class Quarters:
     def update(self, engine: sa.Engine) -> int:
         """Store what is missing; how many quarter hours. Raises UserError, and the errors of SQLAlchemy."""
         now = self._clock()
-        end = int(now) // _QUARTER_S * _QUARTER_S
+        end = int(now) // QUARTER_S * QUARTER_S
         due = [name for name in devices(engine) if self._done.get(name, 0) < end or self._lacking.get(name)]
         if not due:
             return 0
@@ -73,9 +72,9 @@ class Quarters:
             elif newest is not None or done is not None:
                 begin = (done or int(newest or 0)) - _LATE_S
                 begin = min(begin, _first_unpriced(connection, device, begin, tariff))
-        begin = max(begin // _QUARTER_S * _QUARTER_S, end - _FURTHEST_S)
+        begin = max(begin // QUARTER_S * QUARTER_S, end - _FURTHEST_S)
         until = min(begin + _AT_ONCE_S, end)
-        rows = _periods(engine, device, range(begin, until + 1, _QUARTER_S), tariff)
+        rows = _periods(engine, device, range(begin, until + 1, QUARTER_S), tariff)
         _store(engine, device, rows, tariff)
         self._done[device] = until
         if thorough:
@@ -87,7 +86,7 @@ class Quarters:
         lacking = self._lacking[device]
         until = min(lacking[0] + _AT_ONCE_S, end)
         mine = {start for start in lacking if start < until}
-        cuts = range(lacking[0], max(mine) + _QUARTER_S + 1, _QUARTER_S)
+        cuts = range(lacking[0], max(mine) + QUARTER_S + 1, QUARTER_S)
         rows = [one for one in _periods(engine, device, cuts, tariff) if one.begin in mine]
         _store(engine, device, rows, tariff)
         self._without.setdefault(device, set()).update(mine - {one.begin for one in rows})
@@ -139,7 +138,7 @@ def _without_line(connection: sa.Connection, device: str, begin: int, end: int) 
     """Quarter hours between two Unix times [s] with roll-ups and without a line."""
     found: set[int] = set()
     for table in ROLLUPS.values():
-        start = table.c.start - table.c.start % _QUARTER_S
+        start = table.c.start - table.c.start % QUARTER_S
         within = (table.c.device == device, table.c.start >= begin, table.c.start < end)
         found.update(map(int, connection.execute(sa.select(start).where(*within).distinct()).scalars()))
     line = energy_quarter.c

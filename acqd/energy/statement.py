@@ -13,10 +13,9 @@ from acqd.energy.account import Account, Period, sum_of
 from acqd.energy.comparison import Comparison, compare
 from acqd.energy.periods import Range, Split, boundaries, label
 from acqd.energy.read import devices, read_account, span_text
-from acqd.energy.tariff import Tariff
+from acqd.energy.tariff import QUARTER_S, Tariff
 from acqd.errors import InputError, UserError
 
-_QUARTER_S = 900
 _NAMED = 3
 """Devices in a message."""
 
@@ -76,7 +75,7 @@ def statement_of(
         begin, end = (
             datetime.fromtimestamp(each, zone).strftime("%Y-%m-%d %H:%M") for each in (chosen.begin, chosen.end)
         )
-        running = Range(chosen.end, chosen.end + _QUARTER_S)  # the range ends before it, unless a person says more
+        running = Range(chosen.end, chosen.end + QUARTER_S)  # the range ends before it, unless a person says more
         remedy = "choose another period by --from and --to, or --last"
         if any(_has_rows(engine, name, running) for name in devices(engine)):
             after = datetime.fromtimestamp(running.end, zone)

@@ -21,7 +21,9 @@ from acqd.section import FileName, Section
 
 _DAYS = ("mon", "tue", "wed", "thu", "fri", "sat", "sun")
 _MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
-_DAY_MIN, _QUARTER_S = 1440, 900
+_DAY_MIN = 1440
+QUARTER_S = 900
+"""A quarter hour, for which energy is billed and netted."""
 Price = Annotated[float, Field(ge=-100, le=100)]
 
 
@@ -122,14 +124,14 @@ class Tariff:
     def by_minute(self) -> bool:
         """Whether prices or factors change within a quarter hour."""
         series = [each for each in (self.price, self.co2) if isinstance(each, Series)]
-        if any(bool(np.any(each.start % _QUARTER_S)) for each in series):
+        if any(bool(np.any(each.start % QUARTER_S)) for each in series):
             return True
         return isinstance(self.price, Weekly) and bool(np.any(self.price.number != _by_quarters(self.price.number)))
 
     @property
     def resolution(self) -> int:
         """Seconds for whose length prices and factors hold."""
-        return 60 if self.by_minute else _QUARTER_S
+        return 60 if self.by_minute else QUARTER_S
 
 
 def _at(price: Fraction | Weekly | Series | None, moments: np.ndarray) -> list[Fraction] | None:

@@ -186,7 +186,7 @@ def temperature_fault(values: Floats) -> str:
     usual = float(np.median(known)) if len(known) else 0.0
     if usual > _KELVIN:
         return f"temperatures of {usual:.0f} are not degC: in K?"
-    return f"temperatures of {usual:.0f} degC are none of a robot that works" if usual < _COLDEST else ""
+    return f"temperatures of {usual:.0f} degC are below those in which a robot works" if usual < _COLDEST else ""
 
 
 def on_off(values: Floats) -> Floats | None:

@@ -80,16 +80,13 @@ def _shifted(usual: Floats) -> Floats:
     return np.where(np.abs(ahead - usual) > np.abs(behind - usual), ahead, behind)
 
 
-def at_another_rate(double: NDArray[np.bool_]) -> int:
-    """Rows from one step across two poses to the next, where such steps [T - 1] come regularly; else 0.
+def at_another_rate(double: NDArray[np.bool_]) -> bool:
+    """Whether steps across two poses [T - 1] come regularly.
 
     A recorder that is slower than the controller misses a pose every few rows, as a beat of both rates.
     """
     apart = np.diff(np.flatnonzero(double))
-    if len(apart) < FEWEST // 2:
-        return 0
-    usual = int(np.median(apart))
-    return usual if (np.abs(apart - usual) <= 1).mean() > _REGULAR else 0
+    return len(apart) >= FEWEST // 2 and bool((np.abs(apart - int(np.median(apart))) <= 1).mean() > _REGULAR)
 
 
 def _running_median(values: Floats) -> Floats:

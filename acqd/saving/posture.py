@@ -1,6 +1,7 @@
 """Long waits at a posture that holds more easily: a place on the way to the next point, where the arm stops instead.
 
-The path does not change, so that nothing new can be in the way. Stopping and starting again take time from the wait.
+The path does not change, so that nothing new can be in the way. Stopping and starting again take time from the wait,
+and are kept within the limits of the joints.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from acqd.motion.program_file import Program
 from acqd.robot.description import RobotDescription
 from acqd.saving.cycle import Rest, Stretch
 from acqd.saving.power import Meter
+from acqd.saving.time_law import Bounds
 
 LONG_S = 3.0
 """A shorter wait is not worth a stop."""
@@ -27,7 +29,9 @@ _RAMP_S = 0.6
 _PLACES = 41
 
 
-def easier_rests(pieces: Sequence[Rest | Stretch], meter: Meter, least_rest: float) -> list[Rest | Stretch] | None:
+def easier_rests(
+    pieces: Sequence[Rest | Stretch], meter: Meter, bounds: Bounds, least_rest: float
+) -> list[Rest | Stretch] | None:
     """The pieces of a log with long waits moved along the path; None where no place holds more easily."""
     out: list[Rest | Stretch] = []
     waiting: tuple[Rest, Rest, int] | None = None
@@ -39,7 +43,7 @@ def easier_rests(pieces: Sequence[Rest | Stretch], meter: Meter, least_rest: flo
             out += [stay, _stopping(piece, row), wait, _starting(piece, row)]
             waiting, moved = None, True
         elif isinstance(piece, Rest) and isinstance(after, Stretch) and not after.fixed:
-            waiting = _moved_wait(piece, after, meter, least_rest)
+            waiting = _moved_wait(piece, after, meter, bounds, least_rest)
             if waiting is None:
                 out.append(piece)
         else:
@@ -47,7 +51,9 @@ def easier_rests(pieces: Sequence[Rest | Stretch], meter: Meter, least_rest: flo
     return out if moved else None
 
 
-def _moved_wait(rest: Rest, after: Stretch, meter: Meter, least_rest: float) -> tuple[Rest, Rest, int] | None:
+def _moved_wait(
+    rest: Rest, after: Stretch, meter: Meter, bounds: Bounds, least_rest: float
+) -> tuple[Rest, Rest, int] | None:
     """What stays of a wait, the wait elsewhere, and the row of the next stretch at which that is."""
     left_s = rest.seconds - least_rest - 2 * _RAMP_S
     margin = round(_RAMP_S * RATE)
@@ -55,8 +61,18 @@ def _moved_wait(rest: Rest, after: Stretch, meter: Meter, least_rest: float) -> 
         return None
     rows = np.linspace(margin, len(after.motion) - margin, _PLACES).astype(int)
     power = meter.holding(after.motion.q[rows])
-    row = int(rows[power.argmin()])
-    if float(meter.holding(rest.position[None])[0]) - float(power.min()) < _LEAST_W:
+    easier = power <= float(meter.holding(rest.position[None])[0]) - _LEAST_W
+    most = bounds.widest(after.motion)
+    row = next(
+        (
+            row
+            for row in rows[power.argsort()].tolist()
+            if row in rows[easier]
+            and all(bounds.keeps(each.motion, most) for each in (_stopping(after, row), _starting(after, row)))
+        ),
+        None,
+    )
+    if row is None:
         return None
     stay, wait = round(least_rest * RATE), round(left_s * RATE)
     return (
@@ -72,7 +88,7 @@ def _moved_wait(rest: Rest, after: Stretch, meter: Meter, least_rest: float) -> 
 def _stopping(stretch: Stretch, row: int) -> Stretch:
     """The stretch up to a row, where it stops."""
     ramp = round(_RAMP_S * RATE)
-    tau = np.arange(1, 2 * ramp + 1) / RATE
+    tau = np.arange(2 * ramp + 1) / RATE
     pace, place, change = _ramp(tau)
     u = np.concatenate([np.arange(row - ramp), row - ramp + place * RATE])
     flat = np.zeros(row - ramp)
@@ -82,9 +98,9 @@ def _stopping(stretch: Stretch, row: int) -> Stretch:
 
 
 def _starting(stretch: Stretch, row: int) -> Stretch:
-    """The stretch from a row on, where it starts."""
+    """The stretch from a row on, where it starts; the row itself is the last one before the wait."""
     ramp, rows = round(_RAMP_S * RATE), len(stretch.motion)
-    tau = np.arange(1, 2 * ramp + 1)[::-1] / RATE
+    tau = np.arange(1, 2 * ramp)[::-1] / RATE
     pace, place, change = _ramp(tau)
     rest = np.arange(row + ramp, rows)
     u = np.concatenate([row + ramp - place * RATE, rest])

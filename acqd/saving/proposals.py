@@ -183,15 +183,19 @@ def savings(subject: Subject, asked: Asked, progress: Progress) -> Savings:
 
 
 def _cycle_of(subject: Subject, asked: Asked) -> Cycle:
-    limits = subject.limits
-    assert limits.jerk is not None
-    bounds = Bounds(subject.arm.description, limits.speed, limits.acceleration, limits.jerk)
+    bounds = _bounds_of(subject)
     if subject.program is not None:
         return ProgramCycle(subject.program, bounds, subject.meter, asked.least_rest)
     pieces = pieces_of(subject.motion)
     if not any(isinstance(piece, Stretch) and not piece.fixed for piece in pieces):
         raise UserError(f"{subject.path}: begins and ends in motion without a pause: record a whole cycle")
     return LogCycle(pieces, bounds, subject.meter, asked.least_rest)
+
+
+def _bounds_of(subject: Subject) -> Bounds:
+    limits = subject.limits
+    assert limits.jerk is not None
+    return Bounds(subject.arm.description, limits.speed, limits.acceleration, limits.jerk)
 
 
 def _easier(subject: Subject, cycle: Cycle, asked: Asked) -> Cycle | None:
@@ -205,7 +209,7 @@ def _easier(subject: Subject, cycle: Cycle, asked: Asked) -> Cycle | None:
         program = easier_waits(subject.program, subject.arm.description, meter, least_rest)
         return None if program is None else cycle.with_program(program, moved)
     assert isinstance(cycle, LogCycle)
-    parts = easier_rests(cycle.recorded, meter, least_rest)
+    parts = easier_rests(cycle.recorded, meter, _bounds_of(subject), least_rest)
     return None if parts is None else cycle.with_parts(parts, moved)
 
 

@@ -75,6 +75,24 @@ class Bounds:
         """[T, axes] Nm of the described arm."""
         return joint_torque(Chain.of(self.robot), inertial_parameters(self.robot), q, qd, qdd)
 
+    def widest(self, motion: Motion) -> list[Floats]:
+        """Speed, acceleration, jerk and torque [axes] that a change of a motion may reach: the limit, or as before."""
+        given = self.speed, self.acceleration, self.jerk, self.robot.effort
+        return [np.maximum(limit, peak) for limit, peak in zip(given, self._peaks(motion), strict=True)]
+
+    def keeps(self, motion: Motion, most: Sequence[Floats]) -> bool:
+        """Whether a motion stays within such sizes."""
+        return all((peak <= limit * _ROUNDING).all() for peak, limit in zip(self._peaks(motion), most, strict=True))
+
+    def _peaks(self, motion: Motion) -> tuple[Floats, ...]:
+        torque = self.rigid_torque(motion.q, motion.qd, motion.qdd)
+        return *_peaks(motion), np.abs(torque).max(axis=0)
+
+
+def _peaks(motion: Motion) -> tuple[Floats, ...]:
+    """Greatest speed, acceleration and jerk [axes]."""
+    return np.abs(motion.qd).max(axis=0), np.abs(motion.qdd).max(axis=0), greatest_jerk(motion)
+
 
 @dataclass(frozen=True, slots=True)
 class _Torques:
@@ -160,8 +178,7 @@ class Path:
         self._limits = [
             np.maximum(_MARGIN * limit, np.abs(values).max(axis=0)) for limit, values in zip(given, own, strict=True)
         ]
-        peaks = np.abs(motion.qd).max(axis=0), np.abs(motion.qdd).max(axis=0), greatest_jerk(motion)
-        self._whole = [np.maximum(limit, peak) for limit, peak in zip(given, peaks, strict=False)]
+        self._whole = [np.maximum(limit, peak) for limit, peak in zip(given, _peaks(motion), strict=False)]
 
     @cached_property
     def uniform(self) -> Floats:
@@ -176,8 +193,7 @@ class Path:
     def keeps_limits(self, law: Floats, seconds: float) -> bool:
         """Whether a law keeps speed, acceleration, jerk and torque of every joint, also between the points."""
         new = self.motion_at(law, seconds)
-        peaks = np.abs(new.qd).max(axis=0), np.abs(new.qdd).max(axis=0), greatest_jerk(new)
-        within = all((peak <= limit * _ROUNDING).all() for peak, limit in zip(peaks, self._whole, strict=True))
+        within = all((peak <= limit * _ROUNDING).all() for peak, limit in zip(_peaks(new), self._whole, strict=True))
         return within and bool(self._points.excess(self._limits, *self._at(law, seconds)).max() <= _BETWEEN)
 
     def best(self, seconds: float, start: Floats) -> Floats | None:

@@ -182,12 +182,12 @@ def test_closed_brakes_end_an_error_and_rounding_makes_no_cycle_shorter():
     assert len(motion) == 7000 and len(cycle.timed(Change(waits=True), [1.0004, 5.0004, 1.0004])[0]) == 7001
 
 
-def test_a_long_wait_with_a_stretched_arm_moves_to_where_holding_is_easier(model):
+def test_a_long_wait_with_a_stretched_arm_moves_to_where_holding_is_easier(model, bounds):
     stretched = np.radians([0.0, -20.0, 20.0, -90.0, -90.0, 0.0])
     steps = (Wait(0.5), Move(stretched, 0.4, 0.3), Wait(8.0), Move(HOME, 0.2, 0.3), Wait(0.5))
     program, meter = Program(HOME, steps), Meter(model, "")
     motion = program.motion(ROBOT)
-    moved = easier_rests(pieces_of(motion), meter, 0.5)
+    moved = easier_rests(pieces_of(motion), meter, bounds, 0.5)
     whole = joined([each.motion if isinstance(each, Stretch) else each.lasting(each.seconds, None) for each in moved])
     other = easier_waits(program, ROBOT, meter, 0.5).motion(ROBOT)
     for new in (whole, other):
@@ -197,7 +197,26 @@ def test_a_long_wait_with_a_stretched_arm_moves_to_where_holding_is_easier(model
         assert (greatest_jerk(new) <= ROBOT.acceleration / 0.06).all()
         far = np.abs(new.q[::50, None] - motion.q[None, ::20]).max(axis=2).min(axis=1)
         assert far.max() < 0.02  # along the path
-    assert easier_rests(pieces_of(Program(HOME, steps[::2]).motion(ROBOT)), meter, 0.5) is None
+    assert easier_rests(pieces_of(Program(HOME, steps[::2]).motion(ROBOT)), meter, bounds, 0.5) is None
+
+
+def test_stopping_at_an_easier_posture_keeps_the_limits_of_the_joints(model, bounds):
+    """A stop within a second of a fast motion asks for more than the motion itself."""
+    stretched = np.radians([0.0, -20.0, 20.0, -90.0, -90.0, 0.0])
+    motion = Program(HOME, (Wait(0.5), Move(stretched, 0.4, 0.3), Wait(8.0), Move(HOME, 0.7, 0.1), Wait(0.5))).motion(
+        ROBOT
+    )
+    meter = Meter(model, "")
+    stretch = [each for each in pieces_of(motion) if isinstance(each, Stretch)][-1].motion
+    most = np.abs(stretch.qdd).max(axis=0)
+    tight = replace(bounds, acceleration=most)
+    moved = easier_rests(pieces_of(motion), meter, tight, 0.5)
+    for each in (moved or [])[-3:]:
+        assert not isinstance(each, Stretch) or (np.abs(each.motion.qdd).max(axis=0) <= 1.001 * most).all()
+    moved = easier_rests(pieces_of(motion), meter, bounds, 0.5)
+    stopping, starting = [each.motion for each in moved if isinstance(each, Stretch)][-2:]
+    for each in (stopping, starting):  # no step of the position that the speeds do not say
+        assert np.abs(np.diff(each.q, axis=0) * RATE - (each.qd[1:] + each.qd[:-1]) / 2).max() < 0.01
 
 
 def test_time_that_no_piece_can_take_is_refused():

@@ -40,7 +40,7 @@ struct state {
    Re d, -Im d. Pieces end where a one-cycle phasor begins or ends, and where the two cycles begin. */
 struct piece {
     double samples, in_cycles; /* whether c and d of the cycles have weights */
-    double edge;               /* with which it ends: j for the begin of phasor j, PHASORS + j for its end; -1: neither */
+    double edge;               /* at its end: j: phasor j begins, PHASORS + j: phasor j ends; -1: neither */
     double cos, sin;           /* of the next sample, times the share of it that lies before the edge */
 };
 #define PADDED(n) (((n) + LANES - 1) / LANES * LANES)
