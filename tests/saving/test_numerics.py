@@ -211,8 +211,8 @@ def test_stopping_at_an_easier_posture_keeps_the_limits_of_the_joints(model, bou
     most = np.abs(stretch.qdd).max(axis=0)
     tight = replace(bounds, acceleration=most)
     moved = easier_rests(pieces_of(motion), meter, tight, 0.5)
-    for each in (moved or [])[-3:]:
-        assert not isinstance(each, Stretch) or (np.abs(each.motion.qdd).max(axis=0) <= 1.001 * most).all()
+    for each in [each.motion for each in moved or [] if isinstance(each, Stretch)][-2:]:
+        assert (np.abs(each.qdd).max(axis=0) <= 1.001 * most).all()
     moved = easier_rests(pieces_of(motion), meter, bounds, 0.5)
     stopping, starting = [each.motion for each in moved if isinstance(each, Stretch)][-2:]
     for each in (stopping, starting):  # no step of the position that the speeds do not say
