@@ -35,7 +35,7 @@ _INVISIBLE = dict.fromkeys(map(ord, "\u200b\u2060\ufeff"))
 _OTHER_SIGNS = re.compile(r"[+\-\u2212]?[\d.]+(?:[eEdD][+\-\u2212]?\d+)?")
 _PLAIN_SIGNS = {ord("\u2212"): "-", ord("D"): "E", ord("d"): "e"}
 """The minus of typography, and Fortran's exponents of double precision."""
-_LIST = re.compile(r"[\[(]\s*[-+.\d]")
+_LIST = re.compile(r"(?<!\w)(?:array|tensor)?[\[(]\s*[-+.\d]")
 """The beginning of a list of numbers in a cell."""
 
 
