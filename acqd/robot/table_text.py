@@ -129,7 +129,9 @@ def _without_titles(numbered: list[tuple[int, str]]) -> list[tuple[int, str]]:
         numbered = numbered[1:] or numbered
     for skipped in range(min(_TITLES, len(numbered) - 2)):
         layouts = [_Layout.of(line) for _, line in numbered[skipped : skipped + 3]]
-        if layouts[1].width < 3 or layouts[0].width >= layouts[1].width:
+        head = layouts[1]
+        cells = len(split(numbered[skipped][1], head.separator)) if head.separator else layouts[0].width
+        if head.width < (2 if head.separator else 3) or cells >= head.width:
             continue
         if layouts[0].header is not None and layouts[1].header is not None and layouts[2].header is None:
             return numbered[skipped + 1 :] if layouts[1].width == layouts[2].width else numbered
