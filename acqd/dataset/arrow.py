@@ -31,7 +31,7 @@ def recording_table(time_ns: np.ndarray, columns: Mapping[str, np.ndarray]) -> p
 
 
 def read_file(file: Path) -> dict[str, NDArray[Any]]:
-    """The columns [T] of a file that pyarrow wrote, times as datetime64[ns] or as they are stored. Raises InputError."""
+    """The columns [T] of a file that pyarrow wrote, `time` as nanoseconds. Raises InputError."""
     try:
         # not read_table, which imports pyarrow.dataset
         with pyarrow.parquet.ParquetFile(file) as parquet:

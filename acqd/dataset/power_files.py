@@ -6,14 +6,12 @@ import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-import numpy as np
-
 from acqd.dataset.power_cells import Cells, Reader
 from acqd.dataset.power_source import PowerRows, choose
 from acqd.dataset.power_text import csv_cells, json_line_cells
 from acqd.errors import InputError, UserError
 from acqd.extras import require
-from acqd.timestamps import Nanoseconds, parse_times
+from acqd.timestamps import parse_times
 
 _ZONE = re.compile(r"(?:Z|[+-]\d\d:?(?:\d\d)?)$", re.IGNORECASE)
 """At the end of a time of RFC 3339 with a zone."""
@@ -114,7 +112,7 @@ def _number(path: Path, column: str, cell: object, row: int) -> float:
 def _flag_names(cell: object) -> tuple[str, ...]:
     if isinstance(cell, str):
         return tuple(re.findall(r"\w+", cell))  # a JSON list, or words
-    return tuple(cell or ())  # type: ignore[call-overload]
+    return tuple(cell or ())  # type: ignore[arg-type]
 
 
 _READERS: dict[str, Reader] = {

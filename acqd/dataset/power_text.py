@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
@@ -73,7 +73,7 @@ def _csv_blocks(path: Path, file: BinaryIO, names: list[str], mark: str, first_l
 
 
 def _block(rows: list[tuple[str, ...]], names: list[str], mark: str, clock: str, before: int) -> Cells:
-    columns = {
+    columns: dict[str, Sequence[object]] = {
         name: [cell.strip().replace(",", ".") for cell in cells]
         if mark == ";" and name in _WITH_DECIMALS
         else [cell.strip() for cell in cells]

@@ -76,7 +76,11 @@ def test_a_damaged_file_is_refused_or_read_as_it_was(tmp_path):
 
 def test_a_recording_of_another_version_is_read_by_pyarrow_or_asks_for_it(tmp_path, monkeypatch):
     path, stamps = tmp_path / "a.parquet", np.arange(3) * 40_000_000
-    old = {"time": pa.array(stamps).cast(pa.timestamp("ns", "UTC")), "P": [1.0, 2.0, 3.0], "program": [1.0, 1.0, np.nan]}
+    old = {
+        "time": pa.array(stamps).cast(pa.timestamp("ns", "UTC")),
+        "P": [1.0, 2.0, 3.0],
+        "program": [1.0, 1.0, np.nan],
+    }
     pyarrow.parquet.write_table(pa.table(old), path)
     read = read_columns(path)
     assert read["time_ns"].tolist() == stamps.tolist() and read["program"].tolist() == ["1", "1", ""]
@@ -94,5 +98,5 @@ def test_structures_of_thrift_come_back_and_damaged_ones_have_an_end():
     with pytest.raises(ValueError, match="within structures"):
         Reader(b"\x1c" * 100).structure()
     for end in range(len(data)):
-        with pytest.raises(ValueError, match="without an end|longer than"):
+        with pytest.raises(ValueError, match=r"without an end|longer than"):
             Reader(data[:end]).structure()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 MAGIC = b"PAR1"
@@ -16,5 +18,5 @@ GZIP_WINDOW = 31
 """zlib's number of a gzip stream with the longest window."""
 UNITS = "units"
 """Key of the file's metadata: units by column, as JSON."""
-INDEX_TYPES = {8: np.dtype("<u1"), 16: np.dtype("<u2"), 32: np.dtype("<u4")}
+INDEX_TYPES: dict[int, np.dtype[Any]] = {8: np.dtype("<u1"), 16: np.dtype("<u2"), 32: np.dtype("<u4")}
 """Numbers of labels by their width in bits: widths in which packed bits are whole numbers."""

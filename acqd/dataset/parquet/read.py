@@ -68,7 +68,7 @@ def _columns(path: Path, file: BinaryIO, size: int, footer: Structure) -> dict[s
 
 def _values(file: BinaryIO, size: int, element: Structure, chunk: Structure, rows: int) -> NDArray[Any]:
     """[rows] of a column in a row group."""
-    kind, start = element[1], chunk.get(11, chunk[9])
+    kind, start = element[1], chunk[11 if 11 in chunk else 9]
     if not 0 <= start <= start + chunk[7] <= size:
         raise ValueError("a column outside the file")
     file.seek(start)
