@@ -285,3 +285,38 @@ def test_a_filetime_under_the_name_of_a_unix_time_is_named(tmp_path):
     )
     with pytest.raises(UserError, match="name the column filetime"):
         open_power(str(path), None, None)
+
+
+@pytest.mark.parametrize(("device", "channel", "option"), [("hall-3", None, "device"), (None, "L1", "channel")])
+def test_a_choice_among_rows_without_that_column_is_refused(tmp_path, device, channel, option):
+    (tmp_path / "p.csv").write_text(ROWS)
+    with pytest.raises(UserError, match=f"has no column {option}; leave --{option} out"):
+        open_power(str(tmp_path / "p.csv"), device, channel)
+
+
+@pytest.mark.parametrize(
+    ("text", "P"),
+    [
+        ("time , P , Vrms\n1.7e9, 1 ,230\n1700000001 ,2,NA\n1700000002,3.5,\n", [1, 2, 3.5]),
+        ("time;P\n2026-01-01 00:00:00,0;1,5\n2026-01-01 00:00:01;NULL\n2026-01-01 00:00:02;3\n", [1.5, np.nan, 3]),
+        ('"time","P","device"\n"1700000000","1","a,b"\n1700000001,2,"a,b"\n1700000002,1,"a,b"\n', [1, 2, 1]),
+    ],
+)
+def test_cells_are_read_as_programs_write_them(tmp_path, text, P):
+    (tmp_path / "p.csv").write_text(text)
+    np.testing.assert_array_equal(open_power(str(tmp_path / "p.csv"), None, None).P, P)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "said"),
+    [
+        ("p.csv", "time,P,P\n1,2,3\n", "has several columns 'P'"),
+        ("p.jsonl", '{"time": 1, "P": [1]}\n', r"data row 1: column P holds '\[1\]'"),
+        ("p.jsonl", '{"time": [1], "P": 1}\n', "column time: "),
+        ("p.csv", "time;P\n1;1.234,5\n", "column P holds '1.234.5'"),
+    ],
+)
+def test_cells_that_are_no_numbers_are_named(tmp_path, name, text, said):
+    (tmp_path / name).write_text(text)
+    with pytest.raises(InputError, match=said):
+        open_power(str(tmp_path / name), None, None)
