@@ -298,7 +298,10 @@ def test_a_choice_among_rows_without_that_column_is_refused(tmp_path, device, ch
     ("text", "P"),
     [
         ("time , P , Vrms\n1.7e9, 1 ,230\n1700000001 ,2,NA\n1700000002,3.5,\n", [1, 2, 3.5]),
-        ("time;P\n2026-01-01 00:00:00,0;1,5\n2026-01-01 00:00:01;NULL\n2026-01-01 00:00:02;3\n", [1.5, np.nan, 3]),
+        (
+            "time;P\n2026-01-01 00:00:00,0;1,5\n2026-01-01 00:00:01;NULL\n2026-01-01 00:00:02;3\n2026-01-01 00:00:03;4\n",
+            [1.5, np.nan, 3, 4],
+        ),
         ('"time","P","device"\n"1700000000","1","a,b"\n1700000001,2,"a,b"\n1700000002,1,"a,b"\n', [1, 2, 1]),
     ],
 )
@@ -312,7 +315,7 @@ def test_cells_are_read_as_programs_write_them(tmp_path, text, P):
     [
         ("p.csv", "time,P,P\n1,2,3\n", "has several columns 'P'"),
         ("p.jsonl", '{"time": 1, "P": [1]}\n', r"data row 1: column P holds '\[1\]'"),
-        ("p.jsonl", '{"time": [1], "P": 1}\n', "column time: "),
+        ("p.jsonl", '{"time": [1, 2], "P": 1}\n', "column time: "),
         ("p.csv", "time;P\n1;1.234,5\n", "column P holds '1.234.5'"),
     ],
 )
