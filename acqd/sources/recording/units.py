@@ -134,7 +134,8 @@ def split_label(label: str, labels: Iterable[str] = ()) -> tuple[str, str]:
         return text, factor  # no unit, so it is refused: the numbers may be multiplied already, or not
     if found and found.group(2):
         inner = found.group(2)
-        if _is_unit(inner) or _looks_like_unit(inner):
+        of_spice = found.group(1) in ("V", "I")  # of a node or a device: V(l1,n), I(Rload)
+        if _is_unit(inner) or (_looks_like_unit(inner) and not of_spice):
             return found.group(1).strip() or text, inner
         return text, ""
     if alone := _unit_alone(text):
@@ -204,6 +205,8 @@ def _looks_like_unit(text: str) -> bool:
         return True  # a scale beside a unit, `x100 V`, `V/10`: the reader refuses it
     if "%" in text:
         return True
+    if re.search(r"(?i)[va]\b.*(@|\bohms?\b|Ω|\bshunt\b)", text):
+        return True  # of a resistor: `V @ 0.1 Ohm`
     if re.search(r"\s|\d$", text):
         return False
     return re.fullmatch(r"(?i)[lnabcrst]|[a-c][a-cn]|[cvpt][tc]|ph.*|ch.*|rms.*|ac|dc|raw", text) is None
