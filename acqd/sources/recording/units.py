@@ -134,8 +134,7 @@ def split_label(label: str, labels: Iterable[str] = ()) -> tuple[str, str]:
         return text, factor  # no unit, so it is refused: the numbers may be multiplied already, or not
     if found and found.group(2):
         inner = found.group(2)
-        of_spice = found.group(1) in ("V", "I")  # of a node or a device: V(l1,n), I(Rload)
-        if _is_unit(inner) or (_looks_like_unit(inner) and not of_spice):
+        if _is_unit(inner) or (_looks_like_unit(inner) and not _of_spice(text, labels)):
             return found.group(1).strip() or text, inner
         return text, ""
     if alone := _unit_alone(text):
@@ -195,6 +194,18 @@ def _is_unit(text: str) -> bool:
     except UnknownUnitError:
         return text in ("MV", "MA")  # known to be doubtful: the reader refuses it
     return unit is not None and (unit.quantity != "" or text.lower() in _OTHER_TAILS)
+
+
+_NODE = re.compile(
+    r"[VI]\((?!.*(?:[va]|volts?|amp\w*|rms|pu|raw|counts?|codes?|digits?|lsb)\))[a-z_][\w.:#,]*\)", re.IGNORECASE
+)
+"""`V(l1,n)` of two nodes, `I(Rload)` of a device, as SPICE writes them; `V(dBV)` is a unit."""
+
+
+def _of_spice(label: str, labels: Iterable[str]) -> bool:
+    """Whether brackets hold nodes and devices: all columns beside the time have them, and each its own."""
+    others = [one for one in labels if one.strip().lower() not in TIME_NAMES]
+    return label in others and len(set(others)) == len(others) > 1 and all(map(_NODE.fullmatch, others))
 
 
 def _looks_like_unit(text: str) -> bool:

@@ -178,6 +178,8 @@ REFUSED = {
     "shunt.csv": ("t [s],u [V],i [V @ 0.1 Ohm]\n" + SECONDS, "its unit 'V @ 0.1 Ohm' is unknown"),
     "two_nodes.txt": ("time\tV(in)\tV(out)\tI(R1)\n" + table(T, U, U / 2, I, row="{}\t{}\t{}\t{}"),
                       "no voltage and current pair"),
+    "decibel.txt": ("time,V(dBV),I(dBA)\n" + SECONDS, "its unit 'dBA' is unknown"),
+    "probe_of_i.txt": ("time,V(in),I (mV/A)\n" + SECONDS, "its unit 'mV/A' is unknown"),
     "two_letters.csv": ("a12,b\n" + table(T, U, row="{},{}"), "no voltage and current pair"),
 }  # fmt: skip
 
