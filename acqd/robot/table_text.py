@@ -87,7 +87,7 @@ def text_tables(path: Path, file: BinaryIO, words: Collection[str] = (), *, by_d
     """
     layout, rows = None, False
     try:
-        for numbered, ended in _blocks(path, file):
+        for numbered, ended in numbered_lines(path, file):
             if layout is None:
                 numbered = _without_titles(_without_comments(numbered))
                 layout = _Layout.of(numbered[0][1], words)
@@ -138,7 +138,7 @@ def _without_titles(numbered: list[tuple[int, str]]) -> list[tuple[int, str]]:
     return numbered
 
 
-def _blocks(path: Path, file: BinaryIO) -> Iterator[tuple[list[tuple[int, str]], bool]]:
+def numbered_lines(path: Path, file: BinaryIO) -> Iterator[tuple[list[tuple[int, str]], bool]]:
     """Lines that are not blank with their numbers, in blocks, and whether the last line of a block has an end."""
     number, encoding = 1, "utf-8-sig"
     while block := file.read(_BLOCK_BYTES):
