@@ -18,7 +18,7 @@ from acqd.numerics import biweight_loss
 
 _SHORTEST_S, _LONGEST_S, _MORE = 0.1, 2.4, 1.25
 """Times of smoothing that are tried, and the ratio of one to the next."""
-MEAN_OVER_CONSTANT = float(np.sqrt(12))
+_MEAN_OVER_CONSTANT = float(np.sqrt(12))
 """Time of a mean over the time constant of a filter that smooths slow changes as much."""
 _STEPS = 6
 _WORSE = 3
@@ -81,7 +81,7 @@ def _tried(
     losses: list[float] = []
     last, at_s = before, _SHORTEST_S
     while at_s <= _LONGEST_S and int(np.argmin(losses or [0.0])) >= len(losses) - _WORSE:
-        average_s, constant_s = (at_s, supply_lag_s) if mean else (0.0, at_s / MEAN_OVER_CONSTANT)
+        average_s, constant_s = (at_s, supply_lag_s) if mean else (0.0, at_s / _MEAN_OVER_CONSTANT)
         last = _fitted(recordings, power, last, (constant_s, average_s))
         tried.append(SlowMeter(average_s, constant_s, last))
         losses.append(biweight_loss(last.residual, before.scale_W))

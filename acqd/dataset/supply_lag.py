@@ -17,11 +17,10 @@ from scipy.interpolate import CubicSpline
 
 from acqd.arrays import Floats
 from acqd.dataset.align import Lag, Overlap, overlap
-from acqd.dataset.averaged_noise import averages_noise
 from acqd.dataset.common_fit import CommonFit, fit_common
 from acqd.dataset.power import PowerStream
 from acqd.dataset.regressors import Regressors
-from acqd.dataset.slow_meter import MEAN_OVER_CONSTANT, SlowMeter, slow_meter
+from acqd.dataset.slow_meter import SlowMeter, slow_meter
 from acqd.numerics import NORMAL_95, biweight_loss
 
 USUAL_LAG_S = 0.015
@@ -95,13 +94,11 @@ def supply_lag(
         if meter.average_s or meter.constant_s > _CANDIDATES_S[-1]:  # else a supply can be so slow
             return _behind_slow_meter(meter, chosen, float(usual))
     final = fit_common([o.behind_supply(mean) for o in overlaps], nearest.lags_s, nearest.weights, _STEPS)
-    spans = [(float(overlaps[k].at[0]), float(overlaps[k].at[-1])) for k in range(len(chosen))]
-    longer = not at_end and mean - NORMAL_95 * error > USUAL_LAG_S  # a mean over some 0.1 s smooths as much
-    if longer and averages_noise(power, spans, LONGEST_S * MEAN_OVER_CONSTANT):
+    if not at_end and mean - NORMAL_95 * error > USUAL_LAG_S:  # a mean over some 0.1 s smooths as much
         meter = slow_meter([(regressors[k], lags[k]) for k in chosen], power, final, USUAL_LAG_S, filters=False)
         scale_W = min(final.scale_W, meter.fit.scale_W)
         behind_mean, behind_supply = (biweight_loss(fit.residual, scale_W) for fit in (meter.fit, final))
-        if (behind_mean - behind_supply) / inflation < _STEEP:  # better, or the motion does not tell
+        if (behind_mean - behind_supply) / inflation < _STEEP:  # better, or nobody can tell
             return _behind_slow_meter(meter, chosen, float(usual))
     return SupplyLag(mean, error, float(at - usual), abs(float(high - low)) / 2, chosen, final)
 

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from acqd.dataset.align import Lag
-from acqd.dataset.averaged_noise import averages_noise
 from acqd.dataset.left_out import Judge
 from acqd.dataset.placement import place
 from acqd.dataset.supply_lag import USUAL_LAG_S, supply_lag
@@ -109,17 +108,6 @@ def test_a_mean_over_three_rows_is_not_taken_for_a_slow_supply(late_rows):
     assert any("were a mean over" in note for note in found.notes)
     for placement, true in zip(found.placements, LAGS_S, strict=False):
         assert abs(placement.lag_s - true) < placement.within_s
-
-
-def test_the_noise_of_rows_tells_a_slow_supply_from_a_mean_that_smooths_as_much():
-    recordings = robot(4, 33, seconds=30.0)
-    power = power_of(recordings, LAGS_S[:4], 0.0, 24, noise_W=0.5)
-    spans = [(single.t[0] - 0.3, single.t[-1] - 0.3) for single in recordings]
-    noise = np.random.default_rng(25).normal(0, 0.3, len(power.P))
-    behind_supply = power_of(recordings, LAGS_S[:4], 0.035, 24, noise_W=0.5)
-    assert not averages_noise(replace(behind_supply, P=behind_supply.P + noise), spans, 0.2)
-    assert averages_noise(means(replace(power, P=power.P + noise), 3), spans, 0.2)
-    assert not averages_noise(power, spans[:0], 0.2)
 
 
 @pytest.mark.parametrize("late_rows", [0, 5])
