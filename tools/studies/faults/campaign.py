@@ -70,9 +70,10 @@ class Outcome:
         kills = sum(hit.fault in ("daemon killed", "all killed") for hit in self.hits)
         return {
             "bed": self.bed, "faults": len(self.hits), "seconds": round(self.seconds), "made": rows.made,
-            "stored": rows.stored, "lost": rows.lost, "waiting": rows.waiting, "daemon kills": kills, "duplicated": rows.duplicated,
-            "wrong": rows.wrong, "behind forged": rows.contested, "unflagged": rows.unflagged,
-            "backwards": rows.backwards, "energy back": rows.energy_back, "not recovered": len(self.hits) - len(times),
+            "stored": rows.stored, "lost": rows.lost, "waiting": rows.waiting, "daemon kills": kills,
+            "duplicated": rows.duplicated, "wrong": rows.wrong, "behind forged": rows.contested,
+            "unflagged": rows.unflagged, "backwards": rows.backwards, "energy back": rows.energy_back,
+            "not recovered": len(self.hits) - len(times),
             "mean recovery s": round(sum(times) / len(times), 2) if times else None,
             "worst recovery s": round(max(times), 2) if times else None, "died": self.deaths,
             "load of the computer": round(sum(hit.load for hit in self.hits) / max(1, len(self.hits)), 1),
