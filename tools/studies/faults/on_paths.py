@@ -13,8 +13,9 @@ from tools.studies.faults.bed import Bed
 from tools.studies.faults.fault import Begin, Fault, Pick, lasting, pause
 from tools.studies.faults.on_storage import wait_for_one_segment
 
-_SMALL = 16 << 10
-"""Bytes of a file at most: the registers pass, and nothing else."""
+_SMALL = 512 << 10
+"""Bytes of a file at most: less than a segment or the database; more than compiled modules, of which Python would write
+a part."""
 
 
 def spool_moved(bed: Bed, chance: random.Random) -> None:
@@ -42,7 +43,7 @@ def mounted_over(place: str) -> Begin:
 
 
 def files_limited(pick: Pick) -> Begin:
-    """No file of a service may grow beyond some kilobytes (`ulimit -f`, LimitFSIZE)."""
+    """No file of a service may grow beyond half a megabyte (`ulimit -f`, LimitFSIZE)."""
 
     def begin(bed: Bed, fault: ExitStack) -> None:
         process = pick(bed)
