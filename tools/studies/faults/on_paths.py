@@ -10,7 +10,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from tools.studies.faults.bed import Bed
-from tools.studies.faults.fault import Begin, Fault, Pick, lasting, pause
+from tools.studies.faults.fault import Begin, Fault, lasting, pause
 from tools.studies.faults.on_storage import wait_for_one_segment
 
 _SMALL = 512 << 10
@@ -42,17 +42,14 @@ def mounted_over(place: str) -> Begin:
     return begin
 
 
-def files_limited(pick: Pick) -> Begin:
-    """No file of a service may grow beyond half a megabyte (`ulimit -f`, LimitFSIZE)."""
+def files_limited(bed: Bed, fault: ExitStack) -> None:
+    """No file of the sink may grow beyond half a megabyte (`ulimit -f`, LimitFSIZE).
 
-    def begin(bed: Bed, fault: ExitStack) -> None:
-        process = pick(bed)
-        assert process is not None
-        for pid in process.family():
-            before = resource.prlimit(pid, resource.RLIMIT_FSIZE, (_SMALL, resource.RLIM_INFINITY))
-            fault.callback(_set_limit, pid, before)
-
-    return begin
+    Not of the daemon: the tape would lack rows.
+    """
+    for pid in bed.sink.family():
+        before = resource.prlimit(pid, resource.RLIMIT_FSIZE, (_SMALL, resource.RLIM_INFINITY))
+        fault.callback(_set_limit, pid, before)
 
 
 def computer_put_back(bed: Bed, chance: random.Random) -> None:
@@ -102,7 +99,6 @@ FAULTS: dict[str, Fault] = {
     "spool moved": spool_moved,
     "mounted over the spool": lasting(mounted_over("state")),
     "mounted over the database": lasting(mounted_over("database")),
-    "daemon's files limited": lasting(files_limited(lambda bed: bed.daemon)),
-    "sink's files limited": lasting(files_limited(lambda bed: bed.sink)),
+    "sink's files limited": lasting(files_limited),
     "sink's computer put back": computer_put_back,
 }
