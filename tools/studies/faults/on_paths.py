@@ -6,6 +6,7 @@ import random
 import resource
 import shutil
 import subprocess
+import time
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -16,6 +17,8 @@ from tools.studies.faults.on_storage import wait_for_one_segment
 _SMALL = 512 << 10
 """Bytes of a file at most: less than a segment or the database; more than compiled modules, of which Python would write
 a part."""
+
+_WAITS_S = 60.0
 
 
 def spool_moved(bed: Bed, chance: random.Random) -> None:
@@ -65,7 +68,15 @@ def computer_put_back(bed: Bed, chance: random.Random) -> None:
             action(path, copy)
         for service in services:
             service.start()
-        pause(chance, 2.0, 4.0)
+        _wait_for_rows(bed)
+        pause(chance, 1.0, 3.0)
+
+
+def _wait_for_rows(bed: Bed) -> None:
+    """Until the sink stores rows again: a start takes a while on a busy computer."""
+    offset, deadline = bed.taped(), time.monotonic() + _WAITS_S
+    while not bed.arrived(offset) and time.monotonic() < deadline:
+        time.sleep(0.1)
 
 
 def _copy(path: Path, copy: Path) -> None:
