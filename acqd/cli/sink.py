@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import gc
+import logging
 import signal
 import sys
 import time
@@ -23,6 +24,7 @@ from acqd.cli.terminal import terminal
 from acqd.cli.usage import NamingGroup
 from acqd.daemon.config import Config
 from acqd.daemon.config_place import SERVICES_STATE
+from acqd.daemon.disk_check import disk_check
 from acqd.daemon.health.sink import SinkHealth
 from acqd.daemon.notify import notify
 from acqd.errors import OperationError, UserError
@@ -31,11 +33,13 @@ from acqd.plc.realtime import die_with_parent
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from pathlib import Path
 
     import sqlalchemy as sa
 
     from acqd.storage.sink import Sink
 
+_log = logging.getLogger(__name__)
 app = typer.Typer(invoke_without_command=True)
 app.add_typer(
     quarantine.app,
@@ -111,6 +115,8 @@ def sink(
     end = time.monotonic() + duration if duration else None
     if embedded:
         print("ready", flush=True)
+    else:
+        _say_room(settings, file_of(engine))
     upkeep = Upkeep(engine, settings.sink.retention(), _costs(settings), worker.refusals)
     health = SinkHealth(settings.health, worker, options.client_id, upkeep, settings.mqtt.certificates)
     health.start()
@@ -123,6 +129,17 @@ def sink(
     health.stop()
     if json or not embedded:
         _report(worker, json)
+
+
+def _say_room(config: Config, database: Path | None) -> None:
+    """For how many days the disk of an SQLite database has room."""
+    if database is None:
+        return
+    found = disk_check(config, str(database))
+    if found.state == "ok":
+        _log.info("disk: %s", found.finding)
+    else:
+        _log.warning("disk: %s; %s", found.finding, found.advice)
 
 
 def _costs(settings: Config) -> Callable[[sa.Engine], int]:

@@ -13,16 +13,13 @@ from acqd.daemon.archive_checks import archive_checks
 from acqd.daemon.broker_checks import broker_checks
 from acqd.daemon.compiler_checks import compiled_c
 from acqd.daemon.config import Config
+from acqd.daemon.disk_check import disk_check
 from acqd.daemon.finding import Finding
 from acqd.daemon.privilege_checks import privilege_checks
 from acqd.daemon.source_checks import source_checks
 from acqd.daemon.spool_checks import spool_checks
 from acqd.errors import UserError
 
-_ROW_BYTES = 100
-"""Of a row in SQLite with its index at most; `python -m tools.studies.row_layouts` measures it."""
-_CHANNELS = 4
-_WEEK_S = 7 * 86_400
 _CPU_GOVERNOR = Path("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor")
 _CLOCKSOURCE = Path("/sys/devices/system/clocksource/clocksource0/current_clocksource")
 
@@ -37,7 +34,7 @@ def all_checks(config: Config) -> list[Finding]:
         *(finding for source in config.every_source for finding in source_checks(source)),
         *broker_checks(config),
         database_check(config),
-        _disk(config),
+        disk_check(config),
         *spool_checks(config),
         *archive_checks(config),
     ]
@@ -83,22 +80,6 @@ def database_check(config: Config) -> Finding:
         return Finding("database", "ok", inspect_database(database))
     except (UserError, OSError) as error:
         return Finding("database", "fail", str(error), "see [sink] database in the configuration")
-
-
-def _disk(config: Config) -> Finding:
-    elsewhere = "://" in config.sink.database or "@" in config.sink.database
-    folder = Path.cwd() if elsewhere else Path(config.sink.database).absolute().parent
-    if not folder.exists():
-        return Finding("disk", "fail", f"{folder} does not exist", "create it")
-    free = shutil.disk_usage(folder).free
-    week = _ROW_BYTES * _CHANNELS * len(config.devices) * _WEEK_S / config.window
-    kept = f"keep_days = {config.sink.keep_days:g}" if config.sink.keep_days else "no keep_days"
-    text = f"{free / 1e9:.1f} GB free at {folder}: rows of {7 * free / week:.1f} days; {kept}"
-    lasts = free > week and (elsewhere or free > week / 7 * (config.sink.keep_days or 0))
-    advice = (
-        f"a week of rows needs {week / 1e9:.0f} GB, {week / 7e9:.1f} GB a day: lower [sink] keep_days, or more disk"
-    )
-    return Finding("disk", "ok", text) if lasts else Finding("disk", "warn", text, advice)
 
 
 if sys.platform != "linux":  # pragma: no cover - one clear line instead of a failure deep inside

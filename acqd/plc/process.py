@@ -6,6 +6,7 @@ nothing else: no event loop, no MQTT, no SQL.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import signal
@@ -83,8 +84,10 @@ def run(orders: dict[str, Any]) -> int:
 
 
 def _answer(message: dict[str, Any]) -> None:
-    print(json.dumps(message), flush=True)
-    sys.stdout.close()
+    with contextlib.suppress(BrokenPipeError):  # the daemon was killed meanwhile: this process ends with it
+        print(json.dumps(message), flush=True)
+    with contextlib.suppress(BrokenPipeError):
+        sys.stdout.close()
     sys.stdout = open(os.devnull, "w")  # noqa: SIM115 - lives as long as the process
 
 

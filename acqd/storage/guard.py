@@ -38,7 +38,7 @@ class Guard:
         self._engine, self._key, self._witness = engine, state.commits(client_id), witness
         self._recalled_key = state.recalled(client_id)
         self._identity: str | None = None
-        self._number = 0
+        self._begun = self._number = 0
         self._path = file_of(engine)
         self.restored = 0
         """Times the database was found in an earlier state."""
@@ -71,6 +71,11 @@ class Guard:
         self._number, self._unwritten = number, False
         if self._identity is not None:
             self._memory.committed(self._identity, number)
+
+    @property
+    def commits(self) -> tuple[int, int]:
+        """Number of the last commit in the database when the sink was started, and now."""
+        return self._begun, self._number
 
     def close(self) -> None:
         """Remember how far the database is."""
@@ -135,6 +140,7 @@ class Guard:
             ) from None
         if self._identity is None:
             self._identity = identity
+            self._begun = mark.number if mark is not None else 0
             self._number = max(mark.number if mark is not None else 0, self._memory.number(str(identity)))
             self.recalled = state.read(connection, self._recalled_key) or ""
             if not self._number and not state.has_commits(connection):  # new, or what a server has failed over to

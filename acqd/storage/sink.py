@@ -212,7 +212,7 @@ class Sink:
     def _answer(self, subscriber: Subscriber, committer: Committer) -> None:
         """Receipts first: an acknowledged row does not come again."""
         for batch, written in self._count(committer):
-            for topic, payload in receipts(self._settings.client_id, written.receipts):
+            for topic, payload in receipts(self._settings.client_id, written.receipts, self._writer.guard.commits):
                 subscriber.publish(topic, payload)
             for asked, last in written.answers.items():
                 subscriber.publish(*answer(self._settings.client_id, *asked, last))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import re
 import shutil
 import threading
 import time
@@ -33,6 +34,7 @@ _FIRST_S = 600.0
 _MOVING = "maintenance: rows of an earlier acqd"
 """A trouble of its own: it is over with the next look, and the rest of the maintenance has its turn much later."""
 _REFUSED = "refused rows"
+_DIGITS = re.compile("[0-9]+")
 _LOOKS = 61
 """The rate at which the disk fills is of the last hour."""
 
@@ -163,7 +165,7 @@ class Upkeep:
 
     def _say(self, part: str, why: str) -> bool:
         """Whether it is a new trouble, and has been written to the log; empty: the trouble is over."""
-        new = bool(why) and why != self._troubles[part]
+        new = bool(why) and _DIGITS.sub("", why) != _DIGITS.sub("", self._troubles[part])  # it may name the time
         self._troubles[part] = why
         if new:
             _log.error("%s: %s", part, why)

@@ -20,6 +20,7 @@ from acqd.telemetry import topics
 from acqd.telemetry.acknowledgements import Acknowledgements, Rows
 from acqd.telemetry.clock_match import ClockMatch
 from acqd.telemetry.dialogue import Dialogue
+from acqd.telemetry.earlier_state import CommitsHeard
 from acqd.telemetry.in_flight import InFlight
 from acqd.telemetry.message import Line, Message, Room
 from acqd.telemetry.receipt_watch import AHEAD, ReceiptWatch
@@ -66,7 +67,7 @@ class Delivery:
         self._states: dict[str, bytes] = {}
         self._position = spool.start
         self._flying, self._unsent = InFlight(), Unsent()
-        self._clocks = ClockMatch()
+        self._clocks, self._commits = ClockMatch(), CommitsHeard(spool.limits.keep_s, now)
         self._watch, self._acknowledgements = ReceiptWatch(self._flying, now), Acknowledgements()
         self._devices = spool.devices | set(devices)
         self._more = self._again = False
@@ -248,8 +249,12 @@ class Delivery:
         """Send again what the database of a sink may lack; a sink of an earlier version does not name the event."""
         if not said.recalled and (retained or not said.recall):
             return
-        if again := self.spool.recall(topic, said.recalled):
-            _log.warning("the database of %s may lack rows: %d stored ones are sent again", topic, again)
+        self._send_again(topic, said.recalled)
+
+    def _send_again(self, sink: str, event: str = "") -> None:
+        """Delivered rows that are kept wait again, once for an event that has a name."""
+        if again := self.spool.recall(sink, event):
+            _log.warning("the database of %s may lack rows: %d stored ones are sent again", sink, again)
             self._from_the_start()
 
     @property
@@ -301,6 +306,8 @@ class Delivery:
             self._dialogue.answered(device, message)
         if message.time is not UNSET:
             self._clocks.heard(message.sink, message.time)
+        if self._commits.gone_back(message):
+            self._send_again(message.sink)
         self._watch.receipt_comes()
         removed = expected = 0
         sent = self._now()

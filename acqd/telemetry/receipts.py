@@ -55,13 +55,20 @@ class Receipt(msgspec.Struct):
     """The boot of that question; sinks of earlier versions do not say it."""
     time: str | UnsetType = UNSET
     """When it was sent, by the sink's clock (RFC 3339)."""
+    begun: _Seq | UnsetType = UNSET
+    """Commits of this sink that its database had when the sink was started."""
+    commits: _Seq | UnsetType = UNSET
+    """The same now, with that of these rows."""
 
 
 _decoder = msgspec.json.Decoder(Receipt)
 
 
-def receipts(sink: str, stored: Mapping[Stream, Ranges]) -> Iterator[tuple[str, bytes]]:
-    """Topic and payload of the messages for these rows."""
+def receipts(
+    sink: str, stored: Mapping[Stream, Ranges], commits: tuple[int, int] | None = None
+) -> Iterator[tuple[str, bytes]]:
+    """Topic and payload of the messages for these rows; `commits`: at the sink's start and now."""
+    begun, now = (UNSET, UNSET) if commits is None else commits
     by_device: dict[str, list[StoredRows]] = {}
     for stream, rows in stored.items():
         pairs = list(rows)
@@ -70,7 +77,8 @@ def receipts(sink: str, stored: Mapping[Stream, Ranges]) -> Iterator[tuple[str, 
             by_device.setdefault(stream.device, []).append(entry)
     for device, entries in by_device.items():
         for group in _groups(entries):
-            yield receipt(device), msgspec.json.encode(Receipt(sink, group, time=rfc3339(time.time_ns(), 3)))
+            message = Receipt(sink, group, time=rfc3339(time.time_ns(), 3), begun=begun, commits=now)
+            yield receipt(device), msgspec.json.encode(message)
 
 
 def answer(sink: str, device: str, boot: str, last: list[LastRow]) -> tuple[str, bytes]:

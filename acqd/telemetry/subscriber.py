@@ -67,9 +67,10 @@ class Subscriber:
         self._out += wire.connect(self._hello)
         deadline = time.monotonic() + _ANSWER_S
         while not self._accepted:
-            if time.monotonic() > deadline:
+            left = deadline - time.monotonic()
+            self._exchange(max(0.0, left), ())
+            if left < 0 and not self._accepted:
                 raise SubscriberError(NO_ANSWER)
-            self._exchange(deadline - time.monotonic(), ())
 
     def subscribe(self, *topics: str, leave: Sequence[str] = ()) -> None:
         """Subscribe once, with QoS 1, after leaving other topics; the first topic is the one that matters."""
@@ -91,10 +92,11 @@ class Subscriber:
 
         Without `read` none are taken: the connection is only kept alive. Raises SubscriberError.
         """
-        self._keep_alive()
         if not read:
             self._pinged_at = None  # the answer stays unread
+        self._ping_if_due()
         self._exchange(timeout, also, read=read)
+        self._check_answer()
         arrived, self._arrived = self._arrived, []
         return arrived
 
@@ -116,14 +118,17 @@ class Subscriber:
         self._number = self._number % 65_535 + 1
         return self._number
 
-    def _keep_alive(self) -> None:
-        now = time.monotonic()
-        if self._pinged_at is not None and self._heard_at < self._pinged_at:
-            if now - self._pinged_at > _SILENT_S:
-                raise SubscriberError("no answer to a ping")
-        elif now - min(self._sent_at, self._heard_at) > self._hello.keep_alive_s / 2:
+    def _ping_if_due(self) -> None:
+        now, answered = time.monotonic(), self._pinged_at is None or self._heard_at >= self._pinged_at
+        if answered and now - min(self._sent_at, self._heard_at) > self._hello.keep_alive_s / 2:
             self._out += wire.PINGREQ
             self._pinged_at = now
+
+    def _check_answer(self) -> None:
+        """After all that has come was read: where this process stood still, the answer has waited meanwhile."""
+        pinged_at = self._pinged_at
+        if pinged_at is not None and self._heard_at < pinged_at and time.monotonic() - pinged_at > _SILENT_S:
+            raise SubscriberError("no answer to a ping")
 
     def _exchange(self, timeout: float, also: Sequence[int], *, read: bool = True) -> None:
         """Send and receive what is possible."""

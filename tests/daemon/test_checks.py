@@ -7,8 +7,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from acqd.daemon.checks import _disk
 from acqd.daemon.config import Config
+from acqd.daemon.disk_check import disk_check
 
 
 @pytest.mark.parametrize(
@@ -21,6 +21,6 @@ def test_a_week_of_four_channels_needs_six_gigabytes_and_the_days_that_are_kept_
     """A row takes at most 100 bytes (tests/storage/test_numbered_rows.py): 25 windows a second, four channels."""
     monkeypatch.setattr(shutil, "disk_usage", lambda _: SimpleNamespace(free=free_gb * 1e9))
     config = Config(sink={"database": str(tmp_path / "a.sqlite"), "keep_days": keep_days})
-    found = _disk(config)
+    found = disk_check(config)
     assert found.state == state and f"rows of {days} days" in found.finding
     assert state == "ok" or "a week of rows needs 6 GB, 0.9 GB a day" in found.advice

@@ -58,6 +58,17 @@ def test_an_older_copy_that_was_put_back_while_the_sink_was_stopped_is_named_onc
     assert again.recalled == named, "daemons that were away meanwhile find it when they come back"
 
 
+def test_receipts_show_a_computer_that_was_put_back_as_a_whole(tmp_path):
+    """Database and file beside it agree then: only those who have heard of later commits can know."""
+    here, snapshot = tmp_path / "here", tmp_path / "snapshot"
+    here.mkdir()
+    assert run(here / "a.sqlite", here, 0, 1).commits == (0, 3)
+    shutil.copytree(here, snapshot)
+    assert run(here / "a.sqlite", here, 2).commits == (3, 5)
+    assert run(snapshot / "a.sqlite", snapshot, 3).commits == (3, 5)
+    assert run(snapshot / "a.sqlite", snapshot, 4).restored == 0
+
+
 def test_a_copy_from_before_the_first_commit_of_the_sink_lacks_rows_too(tmp_path):
     path, older = tmp_path / "a.sqlite", tmp_path / "older.sqlite"
     run(path, tmp_path, 0, client_id="another")

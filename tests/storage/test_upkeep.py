@@ -21,7 +21,7 @@ from acqd.storage.schema import power_1min, power_15min, quarantine
 from acqd.storage.upkeep import Upkeep
 from acqd.storage.writer import Writer
 from acqd.telemetry.row import CHANNELS
-from tests.storage.rows import count, message, row
+from tests.storage.rows import T0, count, message, row
 from tests.storage.test_numbered_rows import earlier  # noqa: F401 - a fixture
 from tests.waiting import wait_for
 
@@ -43,6 +43,15 @@ def test_the_thread_makes_roll_ups_once_and_ends_when_it_is_told(tmp_path):
     thread.stop()
     assert count(engine, power_1min) == 1 and last_run(engine) == first and not thread.trouble
     assert not thread._thread.is_alive()
+
+
+def test_a_clock_in_doubt_is_said_once_although_the_sentence_names_the_time(tmp_path, caplog):
+    engine = open_database(str(tmp_path / "a.sqlite"))
+    Writer(engine).write([message(row(0))])
+    thread, ahead = Upkeep(engine, Retention(power_days=30.0)), T0 + 40 * 86_400
+    for seconds in (0, 90, 3_600):
+        assert not thread.run_if_due(lambda now=ahead + seconds: now)
+    assert caplog.text.count("nothing was deleted") == 1 and "nothing was deleted" in thread.trouble
 
 
 def test_a_database_that_is_away_is_a_trouble_until_it_is_back(tmp_path, caplog):

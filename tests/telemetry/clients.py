@@ -15,7 +15,7 @@ STREAM = Stream("t", "L1", "boot")
 
 
 def delivery(until="acknowledged", spool=None):
-    return Delivery(spool or Spool(None), until, ["t"])
+    return Delivery(Spool(None) if spool is None else spool, until, ["t"])
 
 
 def put(outbox, numbers):

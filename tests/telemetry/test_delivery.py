@@ -14,7 +14,7 @@ from acqd.telemetry.patience import LEAST_S, LONGEST_S
 from acqd.telemetry.ranges import Ranges
 from acqd.telemetry.receipt_watch import AHEAD
 from acqd.telemetry.receipts import receipts
-from acqd.telemetry.spool import Spool, SpooledRow, Stream
+from acqd.telemetry.spool import Limits, Spool, SpooledRow, Stream
 from acqd.telemetry.topics import OFFLINE, sink_status
 
 STREAM = Stream("t", "L1", "boot")
@@ -27,7 +27,7 @@ class Bench:
 
     def __init__(self, until="stored", spool=None, **options):
         self.now = 100.0
-        self.box = Delivery(spool or Spool(None), until, ["t"], lambda: self.now, **options)
+        self.box = Delivery(Spool(None) if spool is None else spool, until, ["t"], lambda: self.now, **options)
         self.made = 0
 
     def make(self, count=1):
@@ -51,8 +51,8 @@ class Bench:
             taken += some
         return taken
 
-    def receipt(self, first, last):
-        for topic, payload in receipts("s", {STREAM: Ranges([(first, last)])}):
+    def receipt(self, first, last, commits=None):
+        for topic, payload in receipts("s", {STREAM: Ranges([(first, last)])}, commits):
             self.box.received(topic, payload, retained=False)
 
     def sink(self, state=b"{}", retained=False):
@@ -233,6 +233,30 @@ def test_a_sink_whose_database_lacks_rows_gets_them_again_once(said, retained, w
     assert len(bench.box) == 0
     bench.sink(b'{"recall":true,"recalled":"a/2"}')
     assert len(bench.box) == 5
+
+
+def test_a_sink_that_was_put_back_as_a_whole_gets_the_rows_that_its_database_has_forgotten(tmp_path):
+    bench = Bench(spool=Spool(tmp_path, Limits(keep_s=600.0)))
+    bench.make(5)
+    bench.take_all()
+    bench.receipt(0, 2, (10, 40))
+    bench.receipt(3, 3, (10, 41))
+    bench.receipt(4, 4, (41, 42))  # a start of the sink; receipts of one may overtake each other
+    bench.receipt(4, 4, (41, 40))
+    assert len(bench.box) == 0
+    bench.make()
+    bench.take_all()
+    bench.receipt(5, 5, (20, 21))  # its computer was put back to the state of its twentieth commit
+    bench.now += 2.0  # the backlog pauses while a sink works through what the broker had for it
+    assert len(bench.box) == 5 and bench.take_all() == [0, 1, 2, 3, 4]
+    bench.receipt(0, 4, (20, 22))
+    for commits in ((41, 43), (20, 23), (41, 44), (20, 24)):  # two sinks of one name, each with a database
+        bench.receipt(5, 5, commits)
+    assert len(bench.box) == 0
+    bench.now += 700.0
+    bench.receipt(5, 5, (41, 45))
+    bench.receipt(5, 5, (20, 25))
+    assert len(bench.box) == 5, "the same snapshot once more"
 
 
 def test_a_new_connection_and_a_new_sink_get_everything_that_waits():

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import select
 import signal
 import subprocess
+from types import SimpleNamespace
 
 import pytest
 
@@ -77,6 +79,19 @@ def test_a_broker_that_goes_silent_is_noticed(mosquitto, monkeypatch):
                 made.receive(0.1)
     finally:
         mosquitto.process.send_signal(signal.SIGCONT)
+
+
+def test_an_answer_that_this_process_has_not_read_yet_is_an_answer(mosquitto, monkeypatch):
+    clock = SimpleNamespace(monotonic=lambda: now)
+    now = 0.0
+    monkeypatch.setattr(module, "time", clock)
+    made = connect(BrokerAddress(port=mosquitto.port), hello())
+    now += 6.0
+    made.receive(0.0)  # a ping goes out
+    assert select.select([made._socket], [], [], 5.0)[0], "its answer is there"
+    now += 60.0  # the computer was asleep, or had other work
+    assert made.receive(0.0) == []
+    made.close()
 
 
 def test_a_port_where_nobody_or_somebody_else_listens(mosquitto):

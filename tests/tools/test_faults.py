@@ -16,6 +16,7 @@ from msgspec.structs import replace
 
 from acqd.storage.database import open_database
 from acqd.storage.writer import Writer
+from acqd.telemetry.spool import Spool, SpooledRow, Stream
 from tests.places import ROOT
 from tests.storage.rows import message, row
 from tools.studies.faults import clock, disk, refusals
@@ -71,6 +72,18 @@ KILLED = [ROWS[3], ROWS[4], replace(ROWS[5], boot="b2", W=0.0035)]
 )  # fmt: skip
 def test_every_kind_of_damage_is_counted(taped, stored, found, tmp_path):
     assert reconciled(tmp_path, taped, stored) == NOTHING | found
+
+
+def test_rows_that_wait_in_the_spool_are_not_lost(tmp_path):
+    tape, spool = tmp_path / "tape", Spool(tmp_path / "spool-t")
+    tape.write_bytes(b"".join(one.to_json() + b"\n" for one in ROWS))
+    for one in ROWS[3:5]:
+        spool.append([SpooledRow(Stream(one.device, one.channel, one.boot), one.seq, one.to_json())])
+    spool.close()
+    engine = open_database(str(tmp_path / "a.sqlite"))
+    Writer(engine).write([message(one) for one in ROWS[:3]])
+    result = reconcile([tape], engine, state_dir=tmp_path)
+    assert (result.waiting, result.lost) == (2, 1)
 
 
 @pytest.fixture

@@ -92,7 +92,7 @@ class SegmentLog:
             self.to_disk()
         newest = self.newest
         harm = newest.harm if newest is not None and not self.trouble else ""
-        if newest is not None and harm == "deleted":
+        if newest is not None and harm == "gone":
             self._rescue(newest)
         elif newest is not None and harm == "resized":
             self._leave(newest)
@@ -197,7 +197,7 @@ class SegmentLog:
 
     def close(self) -> None:
         """Write the index of the newest segment and release the folder. Raises OSError."""
-        if self.newest is not None and self.newest.harm == "deleted":
+        if self.newest is not None and self.newest.harm == "gone":
             self._rescue(self.newest)
         if self._folder is not None and self.in_memory():
             self.to_disk()
@@ -281,20 +281,34 @@ class SegmentLog:
         return self._folder is not None and not self.trouble
 
     def _to_file(self, segment: Segment) -> None:
-        """Move a segment to its file; a folder that somebody has deleted is made again. Raises OSError."""
+        """Move a segment to its file; a folder that is gone is made again. Raises OSError."""
         assert self._folder is not None
         try:
             segment.to_file(self._folder)
         except FileNotFoundError:
             self._take_folder(self._folder)
             self.deleted += 1
-            _log.error("spool: the folder %s had been deleted and is made again", self._folder)
+            _log.error("spool: the folder %s was deleted or moved, and is made again", self._folder)
+            segment.to_file(self._folder)
+        except FileExistsError:  # another folder with another daemon's past is in the place of the first one
+            self._take_folder(self._folder)
+            self._number_behind(segment)
             segment.to_file(self._folder)
         assert segment.path is not None
         self._dirty |= {segment.path, self._folder}
 
+    def _number_behind(self, segment: Segment) -> None:
+        """What is in memory, and `segment`, get numbers behind those of the files of the folder. Raises OSError."""
+        assert self._folder is not None
+        files = [number for path in self._folder.iterdir() if (number := number_of(path)) is not None]
+        self.next_number = max([self.next_number, *[number + 1 for number in files]])
+        memory = [one for one in self.segments if one.path is None and one is not segment]
+        for one in sorted([*memory, segment], key=lambda one: one.number):
+            one.number = self.next_number
+            self.next_number += 1
+
     def _rescue(self, newest: Segment) -> None:
-        """Write the rows of a file that somebody has deleted into a new one of the same name."""
+        """Write the rows of a file that is gone into a new one of the same name."""
         path, before = newest.path, self.deleted
         try:
             newest.rescue()
@@ -304,7 +318,7 @@ class SegmentLog:
         else:
             self._keep_reserve()
         self.deleted = before + 1  # the folder with it is the same deed
-        _log.error("spool: somebody has deleted %s; its %d bytes are written again", path, newest.size)
+        _log.error("spool: somebody has deleted or moved %s; its %d bytes are written again", path, newest.size)
 
     def _leave(self, newest: Segment) -> None:
         """Rows that follow what somebody has cut off or written into a file would not be found: they go elsewhere."""

@@ -43,6 +43,7 @@ _TAIL = struct.Struct("<8sI")  # magic, offset of the index
 START = _HEAD.size
 """Offset of the first record."""
 _MODE = 0o640
+_EXCHANGED = "another file of a spool is in its place"
 _FIRST_RECORD = 256
 """Bytes that hold the first record, when the segment was begun."""
 SUFFIX, KEPT, DAMAGED = ".seg", ".kept", ".damaged"
@@ -85,6 +86,8 @@ class Segment:
         self.paused_until = 0.0
         """No attempt to read before this monotonic time [s]."""
         self._memory = bytearray()
+        self._head = b""
+        """Of the file, by which another one in its place is known; empty: never read."""
         self._file: int | None = None
         self._left: Path | None = None
         """What an attempt has left that failed: a disk that takes no bytes may not delete either."""
@@ -94,7 +97,8 @@ class Segment:
         """An empty segment; without `folder`, in memory. Raises OSError."""
         segment = cls(number, None)
         record = begun_record(begun)
-        segment._memory += _HEAD.pack(_MAGIC, time.time_ns()) + record
+        segment._head = _HEAD.pack(_MAGIC, time.time_ns())
+        segment._memory += segment._head + record
         segment.begun, segment.size = begun, START + len(record)
         if folder is not None:
             segment.to_file(folder)
@@ -109,6 +113,7 @@ class Segment:
         file = open_regular(path, _MOST_BYTES)
         try:
             size = os.fstat(file).st_size
+            segment._head = _read(file, START, 0)
             if segment._read_index(file, size):
                 first = record_at(_read(file, min(_FIRST_RECORD, size - START), START), 0)
                 segment.begun = first.begun if first is not None and first.kind == BEGUN else None
@@ -156,20 +161,28 @@ class Segment:
         self._index(bytes(content))
 
     @property
-    def harm(self) -> Literal["", "deleted", "resized"]:
-        """What somebody has done to the file to which rows are appended; empty where the disk does not say."""
-        if self._file is None:
+    def harm(self) -> Literal["", "gone", "resized"]:
+        """What somebody has done to the file to which rows are appended; empty where the disk does not say.
+
+        Gone: deleted, moved, or behind something that was mounted over its folder. The next start would not find it.
+        """
+        if self._file is None or self.path is None:
             return ""
         try:
             now = os.fstat(self._file)
+            if now.st_nlink == 0:
+                return "gone"
+            there = os.stat(self.path)
+        except FileNotFoundError:
+            return "gone"
         except OSError:  # a share that is away: `append` meets that, too
             return ""
-        if now.st_nlink == 0:
-            return "deleted"
+        if (there.st_dev, there.st_ino) != (now.st_dev, now.st_ino) and there.st_size != now.st_size:
+            return "gone"  # of one size: a share that numbers its files anew
         return "" if now.st_size == self.size else "resized"
 
     def rescue(self) -> None:
-        """Take the content of a deleted file that is still open back into memory. Raises OSError."""
+        """Take the content of a file that is gone and still open back into memory. Raises OSError."""
         assert self._file is not None
         self._memory = bytearray(_read(self._file, self.size, 0))
         os.close(self._file)
@@ -208,12 +221,14 @@ class Segment:
     def delete(self) -> None:
         """Remove the file. Raises OSError."""
         self._release()
-        if self.path is not None:
+        if self.path is not None and not self._is_exchanged():
             self.path.unlink(missing_ok=True)
 
     def rename(self, suffix: str) -> None:
-        """Give the file another role. Raises OSError."""
+        """Give the file another role. Raises OSError; FileNotFoundError where another file is in its place."""
         self._release()
+        if self._is_exchanged():
+            raise FileNotFoundError(errno.ENOENT, _EXCHANGED, str(self.path))
         if self.path is not None:
             self.path = self.path.rename(self.path.with_suffix(suffix))
 
@@ -223,6 +238,8 @@ class Segment:
         if self.path is None:
             return bytes(self._memory[offset : offset + size])
         with self.path.open("rb", buffering=0) as file:
+            if self._differs(_read(file.fileno(), START, 0)):
+                raise OSError(errno.ESTALE, _EXCHANGED, str(self.path))
             return _read(file.fileno(), size, offset)
 
     def lose_unreadable(self) -> int:
@@ -252,6 +269,23 @@ class Segment:
                 os.ftruncate(file, self.size)
             finally:
                 os.close(file)
+
+    def _is_exchanged(self) -> bool:
+        """Whether the file of another segment is at the path: under a folder that was moved, or mounted over.
+
+        Raises OSError where the disk does not say.
+        """
+        if self.path is None or not self._head:
+            return False
+        try:
+            with self.path.open("rb", buffering=0) as file:
+                return self._differs(_read(file.fileno(), START, 0))
+        except FileNotFoundError:
+            return False
+
+    def _differs(self, head: bytes) -> bool:
+        """Whether a file with this head was begun by another one; a damaged head says nothing."""
+        return bool(self._head) and head != self._head and head.startswith(_MAGIC) and len(head) == START
 
     def _release(self) -> None:
         if self._file is not None:

@@ -30,6 +30,64 @@ def test_the_folder_is_made_again_and_the_rows_of_the_open_file_survive(tmp_path
     assert "is made again" in caplog.text
 
 
+def test_rows_of_a_folder_that_is_moved_away_go_where_the_next_start_looks(tmp_path):
+    folder = tmp_path / "spool"
+    spool = Spool(folder)
+    for k in range(20):
+        spool.append(window(k))
+    folder.rename(tmp_path / "moved")
+    spool.append(window(20))
+    assert everything(spool) == [row for k in range(21) for row in window(k)]
+    spool.close()
+    assert spool.deleted == 1
+    assert everything(Spool(folder)) == [row for k in range(21) for row in window(k)]
+
+
+@pytest.fixture
+def mounted_over(tmp_path):
+    """A spool with twenty windows, and what puts a folder with files of the same numbers in the place of its own."""
+    earlier = Spool(tmp_path / "other")
+    for k in range(100, 115):
+        earlier.append(window(k))
+    earlier.close()
+    spool = Spool(tmp_path / "spool", Limits(keep_s=600.0))
+    for k in range(20):
+        spool.append(window(k))
+
+    def mount():
+        (tmp_path / "spool").rename(tmp_path / "hidden")
+        (tmp_path / "other").rename(tmp_path / "spool")
+
+    return spool, mount
+
+
+def test_a_share_that_is_mounted_over_the_folder_gets_the_rows_behind_its_files(mounted_over, tmp_path):
+    spool, mount = mounted_over
+    mount()
+    for k in range(20, 30):
+        spool.append(window(k))
+    assert not spool.trouble and spool.deleted == 1
+    spool.close()
+    again = everything(Spool(tmp_path / "spool"))
+    assert again == [row for k in [*range(100, 115), *range(30)] for row in window(k)]
+
+
+def test_files_of_another_spool_are_neither_sent_nor_deleted_for_ones_own(mounted_over, tmp_path):
+    spool, mount = mounted_over
+    with mock.patch.object(segment.os, "write", side_effect=OSError(errno.ESTALE, os.strerror(errno.ESTALE))):
+        spool.append(window(20))  # the file before is closed
+    mount()
+    with mock.patch("acqd.telemetry.spool.log._DISK_RETRY_S", 0.0):
+        spool._log._retry_at = 0.0
+        spool.append(window(21))
+    assert everything(spool) == [*window(20), *window(21)]
+    assert "another file of a spool" in spool.reading_trouble and len(spool) == 2 * 22
+    for stream, last, _ in window(21):
+        spool.remove(stream, 0, last)  # receipts for all, the rows that cannot be read included
+    spool.close()
+    assert everything(Spool(tmp_path / "spool")) == [row for k in range(100, 115) for row in window(k)]
+
+
 @pytest.mark.parametrize("rows", [1, 300, 2_500])
 def test_a_stop_on_a_full_disk_leaves_the_rows_in_memory_in_blocks_that_were_set_aside(tmp_path, rows):
     disk = FullDisk(50_000)

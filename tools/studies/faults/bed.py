@@ -12,7 +12,7 @@ import sqlalchemy as sa
 
 from acqd.daemon.health.section import HealthSection
 from acqd.storage.database import engine_for, open_database
-from acqd.storage.schema import power
+from acqd.storage.last_rows import Asked, last_rows
 from acqd.telemetry.ports import free_port
 from tools.studies.faults import disk
 from tools.studies.faults.clock import FakedClock
@@ -105,6 +105,11 @@ class Bed:
         return self.tape, self.strangers
 
     @property
+    def state_dir(self) -> Path:
+        """Files of the daemon."""
+        return self.folder / "state"
+
+    @property
     def engine(self) -> sa.Engine:
         """The database, to look into."""
         if self._engine is None:
@@ -160,14 +165,12 @@ class Bed:
             return False
         boot = rows[-1]["boot"]
         first = min(row["seq"] for row in rows if row["boot"] == boot)
-        c = power.c
-        query = sa.select(sa.func.max(c.seq)).where(c.device == DEVICE, c.channel == "total", c.boot == boot)
         try:
             with self.engine.connect() as connection:
-                newest = connection.execute(query).scalar()
+                newest = last_rows(connection, Asked(DEVICE, boot.partition(".")[0]))
         except sa.exc.SQLAlchemyError:
             return False
-        return newest is not None and newest >= first
+        return any(row.channel == "total" and row.boot == boot and row.seq >= first for row in newest)
 
     def _storage(self) -> tuple[Process | None, str]:
         place = self.folder / "database"
@@ -188,7 +191,7 @@ class Bed:
         return refusals
 
     def _service(self, name: str, memory: int, *command: object) -> Process:
-        config, state = self.folder / f"{name}.toml", self.folder / "state"
+        config, state = self.folder / f"{name}.toml", self.state_dir
         state.mkdir(exist_ok=True)
         config.write_text(
             f'device = "{DEVICE}"\nstate_dir = "{state}"\n[realtime]\npriority = 0\n'

@@ -70,9 +70,10 @@ class Outcome:
         kills = sum(hit.fault in ("daemon killed", "all killed") for hit in self.hits)
         return {
             "bed": self.bed, "faults": len(self.hits), "seconds": round(self.seconds), "made": rows.made,
-            "stored": rows.stored, "lost": rows.lost, "daemon kills": kills, "duplicated": rows.duplicated,
-            "wrong": rows.wrong, "behind forged": rows.contested, "unflagged": rows.unflagged,
-            "backwards": rows.backwards, "energy back": rows.energy_back, "not recovered": len(self.hits) - len(times),
+            "stored": rows.stored, "lost": rows.lost, "waiting": rows.waiting, "daemon kills": kills,
+            "duplicated": rows.duplicated, "wrong": rows.wrong, "behind forged": rows.contested,
+            "unflagged": rows.unflagged, "backwards": rows.backwards, "energy back": rows.energy_back,
+            "not recovered": len(self.hits) - len(times),
             "mean recovery s": round(sum(times) / len(times), 2) if times else None,
             "worst recovery s": round(max(times), 2) if times else None, "died": self.deaths,
             "load of the computer": round(sum(hit.load for hit in self.hits) / max(1, len(self.hits)), 1),
@@ -113,7 +114,7 @@ def run(kind: Kind, folder: Path, plan: Plan, tick: Callable[[str], None]) -> Ou
             time.sleep(chance.uniform(0.3, 1.5))
         settle(bed)
         outcome.died = {name: process.deaths for name, process in bed.services() if process.deaths}
-        outcome.rows = reconcile(bed.tapes, bed.engine, bed.forged, beside=LOG_DEVICE)
+        outcome.rows = reconcile(bed.tapes, bed.engine, bed.forged, LOG_DEVICE, bed.state_dir)
         outcome.logs = bed.logs.judge(bed.engine) if bed.logs is not None else None
     finally:
         bed.stop()
@@ -148,16 +149,13 @@ def settle(bed: Bed) -> None:
     for _ in range(_STARTS):
         restore(bed.tapes, bed.engine)
         deadline = time.monotonic() + _DRAIN_S
-        while missing(bed.tapes, bed.engine) > _UNDER_WAY and time.monotonic() < deadline:
-            time.sleep(0.5)
+        _wait_until_stored(bed, _UNDER_WAY, deadline)
         if bed.logs is not None:
             bed.logs.settle(bed.engine, _DRAIN_S)
         bed.daemon.stop()
         restore(bed.tapes, bed.engine)
         deadline = time.monotonic() + _LAST_S
-        while (left := missing(bed.tapes, bed.engine)) and time.monotonic() < deadline:
-            time.sleep(0.5)
-        if not left:
+        if not _wait_until_stored(bed, 0, deadline):
             return
         bed.daemon.start()
     bed.daemon.stop()
@@ -166,3 +164,16 @@ def settle(bed: Bed) -> None:
 def forget(folder: Path) -> None:
     """Remove the folder of a bed."""
     shutil.rmtree(folder, ignore_errors=True)
+
+
+def _wait_until_stored(bed: Bed, most: int, deadline: float) -> int:
+    """Wait until at most so many rows are missing, or until the deadline; how many are.
+
+    To count them takes seconds of a computer that is busy, and the proxies are in this process.
+    """
+    while True:
+        begun = time.monotonic()
+        left = missing(bed.tapes, bed.engine)
+        if left <= most or time.monotonic() > deadline:
+            return left
+        time.sleep(max(0.5, 4 * (time.monotonic() - begun)))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 
-from tools.studies.faults import by_strangers, on_hosts, on_postgres
+from tools.studies.faults import by_strangers, on_hosts, on_paths, on_postgres
 from tools.studies.faults.bed import Extras, Kind
 from tools.studies.faults.fault import Fault, Pick
 from tools.studies.faults.on_clocks import days_ahead, days_behind, maintained, sink_behind, stepped
@@ -75,6 +75,7 @@ ALL: dict[str, Fault] = (
     }
     | by_strangers.FAULTS
     | on_hosts.FAULTS
+    | on_paths.FAULTS
     | on_postgres.FAULTS
 )
 for _name, _pick in _PROCESSES.items():
@@ -93,7 +94,7 @@ _NEEDS = {
     ),
     "disks": (
         "database disk full", "spool disk full", "stopped on a full disk", "spool deleted, then disk full",
-        "PostgreSQL: disk of its log full",
+        "PostgreSQL: disk of its log full", "mounted over the spool", "mounted over the database",
     ),
     "pooler": ("PostgreSQL: pooler",),
     "refusals": ("daemon's disk answers errors", "sink's disk answers errors"),
@@ -101,7 +102,7 @@ _NEEDS = {
 
 _FILES = {
     "sink's disk answers errors", "database moved away", "database put back", "database put back at rest",
-    "database put back unseen",
+    "database put back unseen", "mounted over the database", "sink's files limited", "sink's computer put back",
 }  # fmt: skip
 """Faults of a database that is a file."""
 

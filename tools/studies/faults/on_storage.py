@@ -98,17 +98,24 @@ def spool_unreadable(bed: Bed, chance: random.Random) -> None:
         path.with_suffix(".whole").replace(path)
 
 
+def wait_for_one_segment(bed: Bed) -> bool:
+    """Whether, within some time, no rows wait in closed files."""
+    deadline = time.monotonic() + _WAITS_S
+    while len(list(_segments(bed))) > 1:
+        if time.monotonic() > deadline:
+            return False
+        time.sleep(0.2)
+    return True
+
+
 def spool_deleted(bed: Bed, chance: random.Random) -> None:
     """Somebody deletes the spool's folder while no closed file waits; a moment later the broker is away.
 
     Rows in closed files that a person deletes are gone. A folder behind a link (another fault) is left alone.
     """
     proxy = bed.proxies["daemon"]
-    deadline = time.monotonic() + _WAITS_S
-    while len(list(_segments(bed))) > 1:
-        if time.monotonic() > deadline:
-            return
-        time.sleep(0.2)
+    if not wait_for_one_segment(bed):
+        return
     for folder in {path.parent.resolve() for path in _segments(bed) if not path.parent.is_symlink()}:
         while folder.exists():  # the daemon may make a file meanwhile
             shutil.rmtree(folder, ignore_errors=True)

@@ -112,7 +112,7 @@ class _Chain:
             self._server, url = postgres(folder, self._place)
             self._server.start()
         open_database(url).dispose()
-        self._engine = engine_for(url, impatient=True)
+        self._url, self._engine = url, engine_for(url, impatient=True)
         config = folder / "acqd.toml"
         config.write_text(
             f'device = "cell1"\nstate_dir = "{state}"\n[mqtt]\nport = {port}\n[source]\npower = 2000.0\n'
@@ -188,7 +188,8 @@ class _Chain:
         return {(row["channel"], row["boot"], row["seq"]): row for row in rows}
 
     def _stored(self) -> list[Any]:
-        with self._engine.connect() as connection:
+        """Of a server without limits of time: on a busy computer, all rows take long to be read."""
+        with engine_for(self._url).connect() as connection:
             columns = (power.c.channel, power.c.boot, power.c.seq, power.c.filetime, power.c.W, power.c.flags)
             return list(connection.execute(sa.select(*columns).order_by(power.c.channel, power.c.filetime)))
 

@@ -17,6 +17,8 @@ import sqlalchemy as sa
 from acqd.storage import quarantined, sink_flags
 from acqd.storage.clock_witness import IMPOSSIBLE
 from acqd.storage.schema import power, quarantine
+from acqd.storage.waiting import rows_in_spools
+from acqd.telemetry.spool import Stream
 
 _FIELDS = ("filetime", "Vrms", "Irms", "P", "S", "PF", "f", "W", "schema")
 _Key = tuple[str, str, str, int]  # device, channel, boot, seq
@@ -29,7 +31,7 @@ class Reconciled:
     made: int
     stored: int
     lost: int
-    """Taped, not in the database."""
+    """Taped, neither in the database nor in a spool."""
     duplicated: int
     """A moment of a channel that is stored more than once."""
     wrong: int
@@ -41,15 +43,23 @@ class Reconciled:
     energy_back: int
     """Boots whose energy begins below the last stored row of the boot before."""
     quarantined: int
+    waiting: int = 0
+    """Taped, not in the database, and in the spool of the daemon: a slow computer has not delivered them yet."""
     contested: int = 0
     """Rows of the daemon that are in quarantine, because a forged row with their key was stored before."""
 
 
-def reconcile(tapes: Iterable[Path], engine: sa.Engine, forged: Path | None = None, beside: str = "") -> Reconciled:
+def reconcile(
+    tapes: Iterable[Path],
+    engine: sa.Engine,
+    forged: Path | None = None,
+    beside: str = "",
+    state_dir: Path | None = None,
+) -> Reconciled:
     """Compare tapes with the tables `power` and `quarantine`.
 
     `forged`: rows by others with keys of the daemon. Where one of these was stored first, the daemon's row has to be in
-    quarantine. `beside`: a device that is not looked at.
+    quarantine. `beside`: a device that is not looked at. `state_dir`: of the daemon, which has ended.
     """
     made = _taped(tapes)
     with engine.connect() as connection:
@@ -61,10 +71,14 @@ def reconcile(tapes: Iterable[Path], engine: sa.Engine, forged: Path | None = No
     kept = {key for key in map(_key, _readable(refused)) if key in behind}
     moments = Counter((key[0], key[1], row["filetime"]) for key, row in stored.items() if key not in taken)
     wrong = sum(key not in made or _differs(made[key], row) for key, row in stored.items() if key not in taken)
+    spooled = rows_in_spools(state_dir) if state_dir is not None else {}
+    missing_keys = made.keys() - stored.keys()
+    waiting = sum(seq in spooled.get(Stream(device, channel, boot), ()) for device, channel, boot, seq in missing_keys)
     return Reconciled(
         made=len(made),
         stored=len(stored),
-        lost=len(made.keys() - stored.keys()) + len(behind - kept),
+        lost=len(missing_keys) - waiting + len(behind - kept),
+        waiting=waiting,
         duplicated=sum(count - 1 for count in moments.values()),
         wrong=wrong,
         contested=len(kept),

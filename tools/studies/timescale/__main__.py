@@ -95,10 +95,15 @@ def _row(k: int, channel: Any) -> PowerRow:
     return PowerRow("cell1", channel, "b", k, rfc3339(ns), filetime(ns), *values, [])
 
 
-def _one_by_one(connection: sa.Connection, table: str, columns: str, values: list[tuple[Any, ...]]) -> None:
+def _one_by_one(connection: sa.Connection, table: str, columns: str, values: list[tuple[Any, ...]]) -> int:
+    """As COPY: how many rows were taken, and its errors."""
     cursor: Any = connection.connection.cursor()
-    for row in values:
-        cursor.execute(f"INSERT INTO {table} ({columns}) VALUES ({', '.join(['%s'] * len(row))})", row)
+    try:
+        for row in values:
+            cursor.execute(f"INSERT INTO {table} ({columns}) VALUES ({', '.join(['%s'] * len(row))})", row)
+    except connection.dialect.loaded_dbapi.Error as error:
+        raise sa.exc.DBAPIError("INSERT", None, error) from error
+    return len(values)
 
 
 if __name__ == "__main__":

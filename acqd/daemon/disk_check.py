@@ -1,0 +1,35 @@
+"""For how many days the disk of the database has room: `acqd doctor` says it, and a sink at its start."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+from acqd.daemon.config import Config
+from acqd.daemon.finding import Finding
+
+_ROW_BYTES = 100
+"""Of a row in SQLite with its index at most; `python -m tools.studies.row_layouts` measures it."""
+_CHANNELS = 4
+_WEEK_S = 7 * 86_400
+
+
+def disk_check(config: Config, database: str = "") -> Finding:
+    """Room on the disk of the database, and whether it lasts for a week and for what is kept.
+
+    `database`: the one in use, where it is not the one of the configuration.
+    """
+    database = database or config.sink.database
+    elsewhere = "://" in database or "@" in database
+    folder = Path.cwd() if elsewhere else Path(database).absolute().parent
+    if not folder.exists():
+        return Finding("disk", "fail", f"{folder} does not exist", "create it")
+    free = shutil.disk_usage(folder).free
+    week = _ROW_BYTES * _CHANNELS * len(config.devices) * _WEEK_S / config.window
+    kept = f"keep_days = {config.sink.keep_days:g}" if config.sink.keep_days else "no keep_days"
+    text = f"{free / 1e9:.1f} GB free at {folder}: rows of {7 * free / week:.1f} days; {kept}"
+    lasts = free > week and (elsewhere or free > week / 7 * (config.sink.keep_days or 0))
+    advice = (
+        f"a week of rows needs {week / 1e9:.0f} GB, {week / 7e9:.1f} GB a day: lower [sink] keep_days, or more disk"
+    )
+    return Finding("disk", "ok", text) if lasts else Finding("disk", "warn", text, advice)

@@ -1,0 +1,115 @@
+"""Faults of paths: what is behind a name is moved, mounted over, put back as a whole, or may not grow."""
+
+from __future__ import annotations
+
+import random
+import resource
+import shutil
+import subprocess
+import time
+from contextlib import ExitStack
+from pathlib import Path
+
+from tools.studies.faults.bed import Bed
+from tools.studies.faults.fault import Begin, Fault, lasting, pause
+from tools.studies.faults.on_storage import wait_for_one_segment
+
+_SMALL = 512 << 10
+"""Bytes of a file at most: less than a segment or the database; more than compiled modules, of which Python would write
+a part."""
+
+_WAITS_S = 60.0
+
+
+def spool_moved(bed: Bed, chance: random.Random) -> None:
+    """Somebody moves the spool's folder elsewhere while no closed file waits; a moment later the broker is away."""
+    if not wait_for_one_segment(bed):
+        return
+    for folder in bed.state_dir.glob("spool-*"):
+        if not folder.is_symlink():
+            folder.rename(bed.state_dir / f"elsewhere-{chance.randrange(1 << 30)}")
+    proxy = bed.proxies["daemon"]
+    proxy.mode = "silent"
+    pause(chance, 1.0, 4.0)
+    proxy.mode = "pass"
+
+
+def mounted_over(place: str) -> Begin:
+    """An empty file system is mounted over a folder in use, as a share that comes late, and goes away again."""
+
+    def begin(bed: Bed, fault: ExitStack) -> None:
+        folder = str(bed.folder / place)
+        subprocess.run(["mount", "-t", "tmpfs", "-o", "size=64m", "none", folder], check=True)
+        fault.callback(subprocess.run, ["umount", "--lazy", folder], check=True)
+
+    return begin
+
+
+def files_limited(bed: Bed, fault: ExitStack) -> None:
+    """No file of the sink may grow beyond half a megabyte (`ulimit -f`, LimitFSIZE).
+
+    Not of the daemon: the tape would lack rows.
+    """
+    for pid in bed.sink.family():
+        before = resource.prlimit(pid, resource.RLIMIT_FSIZE, (_SMALL, resource.RLIM_INFINITY))
+        fault.callback(_set_limit, pid, before)
+
+
+def computer_put_back(bed: Bed, chance: random.Random) -> None:
+    """The sink's computer is put back to a snapshot of some seconds before: database, and all that the sink knows."""
+    places = [bed.folder / "database", *sorted(bed.state_dir.glob("sink-*.json"))]
+    copies = [bed.folder / "snapshot" / path.name for path in places]
+    services = [bed.sink] if bed.sidecar is None else [bed.sink, bed.sidecar]
+    for action in (_copy, _put_back):
+        for service in services:
+            service.stop()
+        bed.engine.dispose()
+        for path, copy in zip(places, copies, strict=True):
+            action(path, copy)
+        for service in services:
+            service.start()
+        _wait_for_rows(bed)
+        pause(chance, 1.0, 3.0)
+
+
+def _wait_for_rows(bed: Bed) -> None:
+    """Until the sink stores rows again: a start takes a while on a busy computer."""
+    offset, deadline = bed.taped(), time.monotonic() + _WAITS_S
+    while not bed.arrived(offset) and time.monotonic() < deadline:
+        time.sleep(0.1)
+
+
+def _copy(path: Path, copy: Path) -> None:
+    shutil.rmtree(copy, ignore_errors=True)
+    copy.parent.mkdir(exist_ok=True)
+    if path.is_dir():
+        shutil.copytree(path, copy, ignore=shutil.ignore_patterns("lost+found"))
+    else:
+        shutil.copy(path, copy)
+
+
+def _put_back(path: Path, copy: Path) -> None:
+    if not path.is_dir():
+        shutil.copy(copy, path)
+        return
+    for file in path.iterdir():
+        if file.is_file():
+            file.unlink()
+    for file in copy.iterdir():
+        shutil.copy(file, path)
+
+
+def _set_limit(pid: int, limit: tuple[int, int]) -> None:
+    try:
+        resource.prlimit(pid, resource.RLIMIT_FSIZE, limit)
+    except ProcessLookupError:
+        return
+
+
+FAULTS: dict[str, Fault] = {
+    "spool moved": spool_moved,
+    "mounted over the spool": lasting(mounted_over("state")),
+    "mounted over the database": lasting(mounted_over("database")),
+    "sink's files limited": lasting(files_limited),
+    "sink's computer put back": computer_put_back,
+}
