@@ -200,6 +200,7 @@ class Service:
                 reading_trouble=counters.reading_trouble,
                 left_behind=counters.left_behind,
                 deleted=counters.deleted,
+                gone_back=counters.gone_back,
                 registers_back=counters.registers_back,
                 cuts=counters.cuts,
                 cuts_unconfirmed=counters.cuts_unconfirmed,

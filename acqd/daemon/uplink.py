@@ -235,6 +235,7 @@ class Uplink:
             rights_trouble=self.rights_trouble,
             clock_trouble=delivery.clock_trouble,
             reconnects=max(connector.reconnects, 0),
+            gone_back=delivery.gone_back,
             sink_seen=delivery.sink_seen,
         )
 

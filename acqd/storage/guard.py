@@ -22,8 +22,11 @@ from acqd.storage.clock_witness import ClockWitness
 from acqd.storage.database import file_of, transaction
 from acqd.storage.database_witness import DatabaseWitness
 from acqd.storage.url import shown
+from acqd.telemetry.receipts import Commits
 
 _log = logging.getLogger(__name__)
+_NAME = 12
+"""Characters of a name in a receipt."""
 _MOVED = "the file was moved away or deleted while the sink ran; put it back, or restart the sink"
 
 
@@ -36,9 +39,10 @@ class Guard:
         """`memory`: what earlier starts of the sink know."""
         self._memory = memory or DatabaseWitness(None, client_id)
         self._engine, self._key, self._witness = engine, state.commits(client_id), witness
-        self._recalled_key = state.recalled(client_id)
+        self._recalled_key, self._run_key = state.recalled(client_id), state.run(client_id)
         self._identity: str | None = None
-        self._begun = self._number = 0
+        self._number = 0
+        self._run, self._after, self._begun, self._known = "", "", 0, 0
         self._path = file_of(engine)
         self.restored = 0
         """Times the database was found in an earlier state."""
@@ -47,6 +51,8 @@ class Guard:
         self.recalled = ""
         """Name of the last such event, also of an earlier start: daemons may have been away since. Empty: none."""
         self._unwritten = False
+        self.commits: Commits | None = None
+        """Of the last transaction, for receipts; None before the first one. Other threads read it."""
 
     def open(self) -> None:
         """Read at the start what the database remembers, before the first row is judged. Raises as `transaction`."""
@@ -64,6 +70,7 @@ class Guard:
         with transaction(self._engine) as connection:
             self._check_connection(connection)
             number = self._check_state(connection) + 1
+            self._check_run(connection, number - 1)
             state.write_mark(connection, self._key, self._witness.mark(number))
             if self._unwritten:
                 state.write(connection, self._recalled_key, self.recalled)
@@ -71,11 +78,7 @@ class Guard:
         self._number, self._unwritten = number, False
         if self._identity is not None:
             self._memory.committed(self._identity, number)
-
-    @property
-    def commits(self) -> tuple[int, int]:
-        """Number of the last commit in the database when the sink was started, and now."""
-        return self._begun, self._number
+        self.commits = Commits((self._identity or "")[:_NAME], self._run, self._after, self._begun, number)
 
     def close(self) -> None:
         """Remember how far the database is."""
@@ -123,7 +126,7 @@ class Guard:
 
     def _ask_again(self) -> None:
         """Rows are missing that daemons still have. The name goes into the database with the next commit."""
-        self.recalled, self._unwritten = uuid.uuid4().hex, True
+        self.recalled, self._unwritten, self._known = uuid.uuid4().hex, True, self._number
         self.recall += 1
 
     def _check_state(self, connection: sa.Connection) -> int:
@@ -140,7 +143,6 @@ class Guard:
             ) from None
         if self._identity is None:
             self._identity = identity
-            self._begun = mark.number if mark is not None else 0
             self._number = max(mark.number if mark is not None else 0, self._memory.number(str(identity)))
             self.recalled = state.read(connection, self._recalled_key) or ""
             if not self._number and not state.has_commits(connection):  # new, or what a server has failed over to
@@ -159,6 +161,19 @@ class Guard:
             )  # fmt: skip
             self._number = number
         return number
+
+    def _check_run(self, connection: sa.Connection, number: int) -> None:
+        """Where the last commit is not of this run (a start, a copy of the database), receipts say which it was.
+
+        What the sink has found itself, daemons hear by its name: receipts go on from the commit that was known.
+        """
+        last = state.read(connection, self._run_key) or ""
+        if self._unwritten:
+            last, number = "", self._known
+        elif self._run and last == self._run:
+            return
+        self._run, self._after, self._begun = uuid.uuid4().hex[:_NAME], last[:_NAME], number
+        state.write(connection, self._run_key, self._run)
 
     def _away(self, reason: str) -> DatabaseAwayError:
         text = f"{shown(self._engine.url)}: {reason}"

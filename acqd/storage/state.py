@@ -12,7 +12,7 @@ from acqd.storage.away import left_out
 from acqd.storage.schema import database_state
 from acqd.uptime import Moment
 
-_COMMITS, _RECALLED = "commits/", "recalled/"
+_COMMITS, _RECALLED, _RUN = "commits/", "recalled/", "run/"
 _MOST = 2**62
 """Of numbers and nanoseconds: what somebody else has written there is not counted on."""
 IDENTITY, MAINTAINED = "identity", "maintained"
@@ -39,6 +39,11 @@ def commits(client_id: str) -> str:
 def recalled(client_id: str) -> str:
     """Key of the name of the last event by which one sink's database lacked rows."""
     return f"{_RECALLED}{client_id}"
+
+
+def run(client_id: str) -> str:
+    """Key of the name of the run of one sink that made the last commit: another history has another one (ADR 97)."""
+    return f"{_RUN}{client_id}"
 
 
 def has_commits(connection: sa.Connection) -> bool:

@@ -59,5 +59,7 @@ class TelemetryCounters:
     clock_trouble: str
     """How this computer's clock differs from that of the sinks, else empty."""
     reconnects: int
+    gone_back: int
+    """Times that receipts have shown the database of a sink in an earlier state."""
     sink_seen: bool
     """Whether a sink has announced itself or sent a receipt."""

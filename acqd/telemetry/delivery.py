@@ -67,11 +67,13 @@ class Delivery:
         self._states: dict[str, bytes] = {}
         self._position = spool.start
         self._flying, self._unsent = InFlight(), Unsent()
-        self._clocks, self._commits = ClockMatch(), CommitsHeard(spool.limits.keep_s, now)
+        self._clocks, self._commits = ClockMatch(), CommitsHeard()
         self._watch, self._acknowledgements = ReceiptWatch(self._flying, now), Acknowledgements()
         self._devices = spool.devices | set(devices)
         self._more = self._again = False
         self._backlog_open = True
+        self.gone_back = 0
+        """Times that receipts have shown the database of a sink in an earlier state of which the sink knows nothing."""
         self.sent = self.resent = self.delivered = 0
         """Rows published, those published again included; rows for which no receipt came in time; rows that the broker
         has acknowledged."""
@@ -307,6 +309,7 @@ class Delivery:
         if message.time is not UNSET:
             self._clocks.heard(message.sink, message.time)
         if self._commits.gone_back(message):
+            self.gone_back += 1
             self._send_again(message.sink)
         self._watch.receipt_comes()
         removed = expected = 0

@@ -43,6 +43,21 @@ class LastRow(msgspec.Struct, frozen=True):
     """kWh: import minus export."""
 
 
+class Commits(msgspec.Struct, frozen=True):
+    """How far a sink's database is, and by whose commits it came there (ADR 97)."""
+
+    database: str
+    """Its identity, which a copy has, too."""
+    run: str
+    """A name that the sink has drawn when it was started, or when it found that others had written under its name."""
+    after: str
+    """The run that made the commit before; empty: none, of an earlier version, or it is known that commits are missing."""
+    begun: _Seq
+    """Number of the commit before, the last one that the sink knew of; 0: none."""
+    now: _Seq
+    """Number of the last commit."""
+
+
 class Receipt(msgspec.Struct):
     """One message on the receipt topic of a device."""
 
@@ -55,20 +70,15 @@ class Receipt(msgspec.Struct):
     """The boot of that question; sinks of earlier versions do not say it."""
     time: str | UnsetType = UNSET
     """When it was sent, by the sink's clock (RFC 3339)."""
-    begun: _Seq | UnsetType = UNSET
-    """Commits of this sink that its database had when the sink was started."""
-    commits: _Seq | UnsetType = UNSET
-    """The same now, with that of these rows."""
+    commits: Commits | UnsetType = UNSET
+    """Of this sink, with that of these rows."""
 
 
 _decoder = msgspec.json.Decoder(Receipt)
 
 
-def receipts(
-    sink: str, stored: Mapping[Stream, Ranges], commits: tuple[int, int] | None = None
-) -> Iterator[tuple[str, bytes]]:
-    """Topic and payload of the messages for these rows; `commits`: at the sink's start and now."""
-    begun, now = (UNSET, UNSET) if commits is None else commits
+def receipts(sink: str, stored: Mapping[Stream, Ranges], commits: Commits | None = None) -> Iterator[tuple[str, bytes]]:
+    """Topic and payload of the messages for these rows."""
     by_device: dict[str, list[StoredRows]] = {}
     for stream, rows in stored.items():
         pairs = list(rows)
@@ -77,7 +87,9 @@ def receipts(
             by_device.setdefault(stream.device, []).append(entry)
     for device, entries in by_device.items():
         for group in _groups(entries):
-            message = Receipt(sink, group, time=rfc3339(time.time_ns(), 3), begun=begun, commits=now)
+            message = Receipt(
+                sink, group, time=rfc3339(time.time_ns(), 3), commits=UNSET if commits is None else commits
+            )
             yield receipt(device), msgspec.json.encode(message)
 
 

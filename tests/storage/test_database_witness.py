@@ -18,7 +18,9 @@ from acqd.storage.sink import Sink
 from acqd.storage.sink_settings import SinkSettings
 from acqd.storage.state import commits
 from acqd.storage.writer import Writer
+from acqd.telemetry.earlier_state import CommitsHeard
 from acqd.telemetry.mqtt import BrokerAddress
+from acqd.telemetry.receipts import Receipt
 from tests.storage.rows import T0, count, message, row
 
 SINK = "acqd-sink-x/1"
@@ -58,15 +60,70 @@ def test_an_older_copy_that_was_put_back_while_the_sink_was_stopped_is_named_onc
     assert again.recalled == named, "daemons that were away meanwhile find it when they come back"
 
 
+def put_back(here, snapshot):
+    shutil.rmtree(here)
+    shutil.copytree(snapshot, here)
+
+
+def heard(commits):
+    """What a daemon learns from the receipts of these sinks, one after another."""
+    said = CommitsHeard()
+    return [said.gone_back(Receipt(SINK, [], commits=one)) for one in commits]
+
+
 def test_receipts_show_a_computer_that_was_put_back_as_a_whole(tmp_path):
     """Database and file beside it agree then: only those who have heard of later commits can know."""
-    here, snapshot = tmp_path / "here", tmp_path / "snapshot"
+    here, early, late = tmp_path / "here", tmp_path / "early", tmp_path / "late"
     here.mkdir()
-    assert run(here / "a.sqlite", here, 0, 1).commits == (0, 3)
-    shutil.copytree(here, snapshot)
-    assert run(here / "a.sqlite", here, 2).commits == (3, 5)
-    assert run(snapshot / "a.sqlite", snapshot, 3).commits == (3, 5)
-    assert run(snapshot / "a.sqlite", snapshot, 4).restored == 0
+    said = [run(here / "a.sqlite", here, 0, 1).commits]
+    shutil.copytree(here, early)
+    said += [run(here / "a.sqlite", here, seq).commits for seq in (2, 3, 4)]
+    shutil.copytree(here, late)
+    for seq, snapshot in enumerate((early, early, late, late), start=5):
+        put_back(here, snapshot)
+        guard = run(here / "a.sqlite", here, seq)
+        assert guard.restored == 0
+        said += [guard.commits, run(here / "a.sqlite", here, 20 + seq).commits]
+    assert heard(said) == [False] * 4 + [True, False] * 4
+    assert said[0].now == 3 and said[-1].after == said[-2].run
+
+
+def test_a_later_copy_under_a_running_sink_shows_in_receipts(database):
+    """Its number is greater, so the sink takes the commits for those of another sink of its name."""
+    engine = open_database(database)
+    later = Writer(engine, client_id=SINK)
+    writers = [Writer(engine, client_id=SINK)]
+    writers[0].write([message(row(0))])
+    before = marks(engine)
+    later.write([message(row(1))])
+    after = marks(engine)
+    said = [writers[0].guard.commits, later.guard.commits]
+    for key, value in before:
+        with engine.begin() as connection:
+            connection.execute(sa.update(database_state).where(database_state.c.key == key).values(value=value))
+    writers.append(Writer(engine, client_id=SINK))
+    writers[1].write([message(row(2))])
+    said.append(writers[1].guard.commits)
+    for key, value in after:
+        with engine.begin() as connection:
+            connection.execute(sa.update(database_state).where(database_state.c.key == key).values(value=value))
+    writers[1].write([message(row(3))])
+    said.append(writers[1].guard.commits)
+    assert heard(said) == [False, False, True, True]
+
+
+def test_what_the_sink_has_found_itself_is_said_once(database, tmp_path):
+    said = [run(database, tmp_path, 0).commits]
+    engine = open_database(database)
+    older = marks(engine)
+    said.append(run(database, tmp_path, 1, 2).commits)
+    with engine.begin() as connection:
+        for key, value in older:
+            connection.execute(sa.update(database_state).where(database_state.c.key == key).values(value=value))
+    again = run(database, tmp_path, 1)
+    assert again.restored == 1
+    said += [again.commits, run(database, tmp_path, 3).commits]
+    assert heard(said) == [False] * 4
 
 
 def test_a_copy_from_before_the_first_commit_of_the_sink_lacks_rows_too(tmp_path):

@@ -13,7 +13,7 @@ from acqd.telemetry.message import Room
 from acqd.telemetry.patience import LEAST_S, LONGEST_S
 from acqd.telemetry.ranges import Ranges
 from acqd.telemetry.receipt_watch import AHEAD
-from acqd.telemetry.receipts import receipts
+from acqd.telemetry.receipts import Commits, receipts
 from acqd.telemetry.spool import Limits, Spool, SpooledRow, Stream
 from acqd.telemetry.topics import OFFLINE, sink_status
 
@@ -235,28 +235,60 @@ def test_a_sink_whose_database_lacks_rows_gets_them_again_once(said, retained, w
     assert len(bench.box) == 5
 
 
-def test_a_sink_that_was_put_back_as_a_whole_gets_the_rows_that_its_database_has_forgotten(tmp_path):
+def run(name, after, begun, now, database="d"):
+    return Commits(database, name, after, begun, now)
+
+
+PUT_BACK = {
+    "to the end of the run before": [run("a", "", 0, 9), run("b", "a", 9, 12), run("c", "a", 9, 10)],
+    "into a run": [run("a", "", 0, 9), run("b", "a", 5, 6)],
+    "to the same snapshot again": [
+        run("a", "", 0, 9), run("b", "a", 9, 12), run("c", "a", 9, 13), run("d", "a", 9, 14), run("e", "a", 9, 14)
+    ],
+    "back, then to a later snapshot": [run("a", "", 0, 30), run("b", "a", 12, 20), run("c", "a", 25, 26)],
+    "past a run that wrote for others": [run("a", "", 0, 9), run("c", "b", 7, 8)],
+    "one of two databases": [run("a", "", 0, 9), run("x", "", 0, 50, "e"), run("b", "a", 5, 6)],
+}  # fmt: skip
+TIMES = {"to the same snapshot again": 3, "back, then to a later snapshot": 2}
+
+
+@pytest.mark.parametrize("case", PUT_BACK)
+def test_a_sink_that_was_put_back_as_a_whole_gets_the_rows_that_its_database_has_forgotten(case, tmp_path):
+    said, times = PUT_BACK[case], TIMES.get(case, 1)
+    bench, found = Bench(spool=Spool(tmp_path, Limits(keep_s=600.0))), 0
+    for seq, commits in enumerate(said):
+        bench.make()
+        bench.take_all()
+        bench.receipt(seq, seq, commits)
+        if len(bench.box):
+            assert len(bench.box) == seq, "all but the row of this receipt"
+            bench.now += 2.0  # the backlog pauses while a sink works through what the broker had for it
+            assert bench.take_all() == list(range(seq))
+            bench.receipt(0, seq, commits)
+            found += 1
+    assert (found, bench.box.gone_back, len(bench.box)) == (times, times, 0)
+
+
+FIRST = run("a", "", 0, 9)
+HEALTHY = {
+    "starts": [FIRST, run("b", "a", 9, 12), run("c", "b", 12, 13)],
+    "starts that wrote for others": [FIRST, run("c", "b", 12, 13)],
+    "receipts that overtake each other": [FIRST, run("b", "a", 9, 11), run("a", "", 0, 8), run("b", "a", 9, 10)],
+    "two databases by turns": [FIRST, run("x", "", 0, 2, "e"), run("a", "", 0, 10), run("y", "x", 2, 3, "e")],
+    "two sinks of one name in one database": [FIRST, run("b", "a", 9, 10), run("c", "b", 10, 11)],
+    "restored, which the sink has said": [FIRST, run("b", "", 9, 6), run("b", "", 9, 7), run("c", "b", 7, 8)],
+    "an earlier version in between": [FIRST, None, run("b", "a", 12, 13)],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("said", HEALTHY.values(), ids=HEALTHY)
+def test_a_sink_that_goes_on_gets_nothing_twice(said, tmp_path):
     bench = Bench(spool=Spool(tmp_path, Limits(keep_s=600.0)))
-    bench.make(5)
-    bench.take_all()
-    bench.receipt(0, 2, (10, 40))
-    bench.receipt(3, 3, (10, 41))
-    bench.receipt(4, 4, (41, 42))  # a start of the sink; receipts of one may overtake each other
-    bench.receipt(4, 4, (41, 40))
-    assert len(bench.box) == 0
-    bench.make()
-    bench.take_all()
-    bench.receipt(5, 5, (20, 21))  # its computer was put back to the state of its twentieth commit
-    bench.now += 2.0  # the backlog pauses while a sink works through what the broker had for it
-    assert len(bench.box) == 5 and bench.take_all() == [0, 1, 2, 3, 4]
-    bench.receipt(0, 4, (20, 22))
-    for commits in ((41, 43), (20, 23), (41, 44), (20, 24)):  # two sinks of one name, each with a database
-        bench.receipt(5, 5, commits)
-    assert len(bench.box) == 0
-    bench.now += 700.0
-    bench.receipt(5, 5, (41, 45))
-    bench.receipt(5, 5, (20, 25))
-    assert len(bench.box) == 5, "the same snapshot once more"
+    for seq, commits in enumerate(said):
+        bench.make()
+        bench.take_all()
+        bench.receipt(seq, seq, commits)
+        assert not len(bench.box) and not bench.box.gone_back
 
 
 def test_a_new_connection_and_a_new_sink_get_everything_that_waits():

@@ -60,7 +60,7 @@ class ServiceHealth(ABC):
         now = self.snapshot()
         way = now.delivery or Delivery()
         self.acknowledged = Acknowledged(
-            way.dropped, now.quarantined or 0, now.recalls, way.deleted, way.cuts_unconfirmed
+            way.dropped, now.quarantined or 0, now.recalls + way.gone_back, way.deleted, way.cuts_unconfirmed
         )
 
     def turned(self) -> None:

@@ -55,6 +55,8 @@ class Delivery:
     """Which rows wait in the spool of another name, or in files that are not the spool's."""
     deleted: int = 0
     """How often somebody has deleted files of the spool while the daemon ran."""
+    gone_back: int = 0
+    """Times that receipts have shown the database of a sink in an earlier state."""
     registers_back: str = ""
     """Which register began below what an earlier run has published."""
     cuts: int = 0

@@ -112,12 +112,17 @@ def _counted(count: int, seen: int, said: str, problems: list[str], notes: list[
 
 
 def _lost_at_once(delivery: Delivery, seen: Acknowledged, problems: list[str], notes: list[str]) -> None:
-    """Power cuts and deleted files, which are over at once: until a person has seen them."""
+    """Power cuts, deleted files and databases that were put back, which are over at once: until a person has seen them."""
     deleted = (
         f"{_of(delivery.deleted, 'time', 'times')} somebody deleted or changed files of the spool: "
         "what could be was written again, and older rows may be missing"
     )
     _counted(delivery.deleted, seen.deleted, deleted, problems, notes)
+    back = (
+        f"{_of(delivery.gone_back, 'time', 'times')} the database of a sink was found in an earlier state: "
+        "the rows that are kept were sent again, and older rows may be missing there"
+    )
+    _counted(delivery.gone_back, seen.recalls, back, problems, notes)
     unconfirmed = (
         f"{_of(delivery.cuts_unconfirmed, 'power cut or restored backup', 'power cuts or restored backups')} "
         "before this start, and no sink has said which rows it has: W may be up to a second behind"

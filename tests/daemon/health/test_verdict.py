@@ -42,6 +42,7 @@ def test_a_service_that_works_is_ready_without_a_word(snapshot):
         (daemon(delivery=Delivery(spool_age_s=3e6, old_after_s=2.6e6)), True, "34.7 days"),
         (daemon(delivery=Delivery(dropped=7)), True, "7 messages were dropped"),
         (daemon(delivery=Delivery(deleted=1)), True, "1 time somebody deleted or changed files of the spool"),
+        (daemon(delivery=Delivery(gone_back=2)), True, "2 times the database of a sink was found in an earlier state"),
         (daemon(delivery=Delivery(cuts=1, cuts_unconfirmed=1)), True, "no sink has said which rows it has"),
         (daemon(delivery=Delivery(dropped=8), acknowledged=Acknowledged(dropped=7)), True, "8 messages were dropped"),
         (sink(quarantined=3), True, "3 messages are in quarantine"),
@@ -67,6 +68,7 @@ def test_what_keeps_rows_from_arriving_is_a_problem(snapshot, alive, word):
     [
         daemon(delivery=Delivery(dropped=7), acknowledged=Acknowledged(dropped=7)),
         daemon(delivery=Delivery(deleted=1), acknowledged=Acknowledged(deleted=1)),
+        daemon(delivery=Delivery(gone_back=1), acknowledged=Acknowledged(recalls=1)),
         daemon(delivery=Delivery(cuts=1)),
         daemon(delivery=Delivery(alone_s=31.0, waiting=9)),
         daemon(delivery=Delivery(registers_back="W of cell1 began at 1 kWh, and an earlier run had published 2 kWh")),

@@ -7,6 +7,7 @@ import resource
 import shutil
 import subprocess
 import time
+from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -57,46 +58,44 @@ def files_limited(bed: Bed, fault: ExitStack) -> None:
 
 def computer_put_back(bed: Bed, chance: random.Random) -> None:
     """The sink's computer is put back to a snapshot of some seconds before: database, and all that the sink knows."""
-    places = [bed.folder / "database", *sorted(bed.state_dir.glob("sink-*.json"))]
-    copies = [bed.folder / "snapshot" / path.name for path in places]
     services = [bed.sink] if bed.sidecar is None else [bed.sink, bed.sidecar]
     for action in (_copy, _put_back):
+        _wait_for_rows(bed)
+        pause(chance, 1.0, 3.0)
         for service in services:
             service.stop()
         bed.engine.dispose()
-        for path, copy in zip(places, copies, strict=True):
-            action(path, copy)
+        action(bed)
         for service in services:
             service.start()
-        _wait_for_rows(bed)
-        pause(chance, 1.0, 3.0)
 
 
 def _wait_for_rows(bed: Bed) -> None:
-    """Until the sink stores rows again: a start takes a while on a busy computer."""
+    """Until the sink stores rows: a start takes a while on a busy computer."""
     offset, deadline = bed.taped(), time.monotonic() + _WAITS_S
     while not bed.arrived(offset) and time.monotonic() < deadline:
         time.sleep(0.1)
 
 
-def _copy(path: Path, copy: Path) -> None:
-    shutil.rmtree(copy, ignore_errors=True)
-    copy.parent.mkdir(exist_ok=True)
-    if path.is_dir():
-        shutil.copytree(path, copy, ignore=shutil.ignore_patterns("lost+found"))
-    else:
-        shutil.copy(path, copy)
+def _files(bed: Bed) -> Iterator[Path]:
+    """Of the sink's computer, now."""
+    yield from (file for file in (bed.folder / "database").iterdir() if file.is_file())
+    yield from bed.state_dir.glob("sink-*.json")
 
 
-def _put_back(path: Path, copy: Path) -> None:
-    if not path.is_dir():
-        shutil.copy(copy, path)
-        return
-    for file in path.iterdir():
-        if file.is_file():
-            file.unlink()
-    for file in copy.iterdir():
-        shutil.copy(file, path)
+def _copy(bed: Bed) -> None:
+    snapshot = bed.folder / "snapshot"
+    shutil.rmtree(snapshot, ignore_errors=True)
+    for file in _files(bed):
+        copy = snapshot / file.relative_to(bed.folder)
+        copy.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(file, copy)
+
+
+def _put_back(bed: Bed) -> None:
+    for file in list(_files(bed)):
+        file.unlink()
+    shutil.copytree(bed.folder / "snapshot", bed.folder, dirs_exist_ok=True)
 
 
 def _set_limit(pid: int, limit: tuple[int, int]) -> None:
