@@ -51,7 +51,7 @@ class Commits(msgspec.Struct, frozen=True):
     run: str
     """A name that the sink has drawn when it was started, or when it found that others had written under its name."""
     after: str
-    """The run that made the commit before; empty: none, of an earlier version, or it is known that commits are missing."""
+    """The run that made the commit before; empty: none, or not named, or the sink knows that commits are missing."""
     begun: _Seq
     """Number of the commit before, the last one that the sink knew of; 0: none."""
     now: _Seq

@@ -104,7 +104,7 @@ RUNBOOK = (
     ),
     _entry(
         "earlier-state",
-        "`N times the database was found in an earlier state`",
+        "`N times the database was found in an earlier state`, `... the database of a sink was found ...` (daemon)",
         "who restored it? Daemons sent the rows of `keep_minutes` again; `acqd sink completeness` shows gaps",
         r"earlier state",
     ),

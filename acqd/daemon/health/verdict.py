@@ -112,7 +112,7 @@ def _counted(count: int, seen: int, said: str, problems: list[str], notes: list[
 
 
 def _lost_at_once(delivery: Delivery, seen: Acknowledged, problems: list[str], notes: list[str]) -> None:
-    """Power cuts, deleted files and databases that were put back, which are over at once: until a person has seen them."""
+    """Power cuts, deleted files, databases that were put back: over at once, so until a person has seen them."""
     deleted = (
         f"{_of(delivery.deleted, 'time', 'times')} somebody deleted or changed files of the spool: "
         "what could be was written again, and older rows may be missing"
