@@ -135,7 +135,7 @@ def _say_room(config: Config, database: Path | None) -> None:
     """For how many days the disk of an SQLite database has room."""
     if database is None:
         return
-    found = disk_check(config, str(database))
+    found = disk_check(config, database)
     if found.state == "ok":
         _log.info("disk: %s", found.finding)
     else:

@@ -14,20 +14,25 @@ _CHANNELS = 4
 _WEEK_S = 7 * 86_400
 
 
-def disk_check(config: Config, database: str = "") -> Finding:
-    """Room on the disk of the database, and whether it lasts for a week and for what is kept.
+def disk_check(config: Config, file: Path | None = None) -> Finding:
+    """Room on the disk of the database for the devices of this configuration, a week and what is kept.
 
-    `database`: the one in use, where it is not the one of the configuration.
+    `file`: of the database in use, where it is not the one of the configuration.
     """
-    database = database or config.sink.database
-    elsewhere = "://" in database or "@" in database
-    folder = Path.cwd() if elsewhere else Path(database).absolute().parent
-    if not folder.exists():
+    database = config.sink.database
+    elsewhere = file is None and ("://" in database or "@" in database)
+    folder = Path.cwd() if elsewhere else (file or Path(database)).absolute().parent
+    try:
+        free = shutil.disk_usage(folder).free
+    except FileNotFoundError:
         return Finding("disk", "fail", f"{folder} does not exist", "create it")
-    free = shutil.disk_usage(folder).free
-    week = _ROW_BYTES * _CHANNELS * len(config.devices) * _WEEK_S / config.window
+    except OSError as error:  # a share that is away
+        return Finding("disk", "fail", f"{folder}: {error.strerror or error}", "mount the disk or share")
+    count = len(config.devices)
+    week = _ROW_BYTES * _CHANNELS * count * _WEEK_S / config.window
     kept = f"keep_days = {config.sink.keep_days:g}" if config.sink.keep_days else "no keep_days"
-    text = f"{free / 1e9:.1f} GB free at {folder}: rows of {7 * free / week:.1f} days; {kept}"
+    devices = "1 device" if count == 1 else f"{count} devices"
+    text = f"{free / 1e9:.1f} GB free at {folder}: rows of {devices} for {7 * free / week:.1f} days; {kept}"
     lasts = free > week and (elsewhere or free > week / 7 * (config.sink.keep_days or 0))
     advice = (
         f"a week of rows needs {week / 1e9:.0f} GB, {week / 7e9:.1f} GB a day: lower [sink] keep_days, or more disk"

@@ -241,6 +241,8 @@ class SegmentLog:
     def _take_folder(self, folder: Path) -> None:
         """Make the folder where it is missing, and lock it. Raises OSError; BlockingIOError: another acqd has it."""
         folder.mkdir(parents=True, exist_ok=True, mode=0o750)
+        if self._has_taken(folder):
+            return
         try:
             lock = os.open(folder / "lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o640)
         except OSError as error:
@@ -255,6 +257,13 @@ class SegmentLog:
         if self._lock is not None:
             os.close(self._lock)
         self._lock = lock
+
+    def _has_taken(self, folder: Path) -> bool:
+        """Whether the lock of this very folder is held already: asked once more, it would look like another acqd's."""
+        try:
+            return self._lock is not None and os.path.samestat(os.fstat(self._lock), os.stat(folder / "lock"))
+        except FileNotFoundError:
+            return False
 
     def _keep_reserve(self) -> None:
         """After the rows: a person may have deleted the reserve, or the disk was too full for it at the start."""
@@ -290,7 +299,7 @@ class SegmentLog:
             self.deleted += 1
             _log.error("spool: the folder %s was deleted or moved, and is made again", self._folder)
             segment.to_file(self._folder)
-        except FileExistsError:  # another folder with another daemon's past is in the place of the first one
+        except FileExistsError:  # another folder is in the place of the first one, or somebody's file in this one
             self._take_folder(self._folder)
             self._number_behind(segment)
             segment.to_file(self._folder)

@@ -88,6 +88,21 @@ def test_files_of_another_spool_are_neither_sent_nor_deleted_for_ones_own(mounte
     assert everything(Spool(tmp_path / "spool")) == [row for k in range(100, 115) for row in window(k)]
 
 
+def test_a_file_that_somebody_lays_where_the_next_one_goes_stays_and_rows_go_behind_it(tmp_path):
+    spool = Spool(tmp_path)
+    spool.append(window(0))
+    theirs = tmp_path / f"{spool._log.next_number:016d}.seg"
+    theirs.write_bytes(b"theirs")
+    with mock.patch.object(segment.os, "write", side_effect=OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))):
+        spool.append(window(1))
+    with mock.patch("acqd.telemetry.spool.log._DISK_RETRY_S", 0.0):
+        spool._log._retry_at = 0.0
+        spool.append(window(2))
+    assert not spool.trouble and theirs.read_bytes() == b"theirs"
+    spool.close()
+    assert everything(Spool(tmp_path)) == [row for k in range(3) for row in window(k)]
+
+
 @pytest.mark.parametrize("rows", [1, 300, 2_500])
 def test_a_stop_on_a_full_disk_leaves_the_rows_in_memory_in_blocks_that_were_set_aside(tmp_path, rows):
     disk = FullDisk(50_000)

@@ -189,9 +189,12 @@ class _Chain:
 
     def _stored(self) -> list[Any]:
         """Of a server without limits of time: on a busy computer, all rows take long to be read."""
-        with engine_for(self._url).connect() as connection:
-            columns = (power.c.channel, power.c.boot, power.c.seq, power.c.filetime, power.c.W, power.c.flags)
-            return list(connection.execute(sa.select(*columns).order_by(power.c.channel, power.c.filetime)))
+        columns = (power.c.channel, power.c.boot, power.c.seq, power.c.filetime, power.c.W, power.c.flags)
+        engine = engine_for(self._url)
+        with engine.connect() as connection:
+            stored = list(connection.execute(sa.select(*columns).order_by(power.c.channel, power.c.filetime)))
+        engine.dispose()
+        return stored
 
     def _lost(self) -> list[Any]:
         known = {(row.channel, row.boot, row.seq) for row in self._stored()}
