@@ -10,7 +10,7 @@ more rows, more sessions of the reference, or nothing because smaller sizes do n
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -25,7 +25,7 @@ from acqd.discrepancy.regression.gram import Indices
 from acqd.discrepancy.regression.least_squares import Competition
 from acqd.discrepancy.selection.judging import kinds_of
 from acqd.discrepancy.selection.ranking import Finding, Rows, acts, bounds_of, part_of, posterior, prior_of
-from acqd.discrepancy.selection.spread import AS_IT_IS, More, power_rms, sessions_of, variances_of_sessions
+from acqd.discrepancy.selection.spread import AS_IT_IS, More, power_rms, sessions_of, variances_of_sizes
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.discrepancy.thresholds.chance import by_chance
 
@@ -90,25 +90,27 @@ def smallest_sizes(rows: Rows, gate: Floats, longer: float = 1.0, more: More = A
         return []
     design, weights = rows.design, longer * gate
     used, competition = competition_of(rows, gate, candidates, longer, more)
-    units = [Finding(candidate, np.ones(1), np.zeros(1), 0.0) for candidate in candidates]
-    spreads = [(0.0, 1.0)] * len(units)  # without a reference to differ from
-    if sessions_of(design.parts, in_question=False):
-        spreads = variances_of_sessions(design, rows.regression, units, weights, more)
-    kinds = kinds_of(design.columns.candidates)
-    found = []
-    for unit, spread in zip(units, spreads, strict=True):
-        positions = np.searchsorted(used, unit.candidate.indices)
-        schur, _ = part_of(competition.schur, competition.products, positions, unit.candidate)
-        if not acts(schur):
-            found.append(Smallest(unit.candidate, None, None, "motion", 0.0))
-            continue
-        precision = from_power = rows.learning_rate * float(schur[0, 0])
-        at_joints = design.at_joints(unit.candidate, weights)
+    units, precisions = [], []
+    for candidate in candidates:
+        positions = np.searchsorted(used, candidate.indices)
+        schur, _ = part_of(competition.schur, competition.products, positions, candidate)
+        precision = from_power = rows.learning_rate * float(schur[0, 0]) if acts(schur) else 0.0
+        at_joints = design.at_joints(candidate, weights) if precision else None
         if at_joints is not None:
             precision += float(at_joints.precision[0, 0])
-        smallest = _smallest(design, unit, precision, spread, kinds)
-        found.append(replace(smallest, from_torques=1 - from_power / precision))
-    return found
+        from_torques = 1 - from_power / precision if precision else 0.0
+        units.append(Finding(candidate, np.ones(1), np.zeros(1), 0.0, from_torques=from_torques))
+        precisions.append(precision)
+    spreads = [(0.0, 1.0)] * len(units)  # without a reference to differ from
+    if sessions_of(design.parts, in_question=False):
+        spreads = variances_of_sizes(design, rows.regression, units, weights, more)
+    kinds = kinds_of(design.columns.candidates)
+    return [
+        _smallest(design, unit, precision, spread, kinds)
+        if precision
+        else Smallest(unit.candidate, None, None, "motion", 0.0)
+        for unit, precision, spread in zip(units, precisions, spreads, strict=True)
+    ]
 
 
 def _smallest(design: Design, unit: Finding, precision: float, spread: tuple[float, float], kinds: int) -> Smallest:
@@ -128,8 +130,8 @@ def _smallest(design: Design, unit: Finding, precision: float, spread: tuple[flo
     size = least[limit] + _SURE * error
     low, high = bounds_of(candidate)
     if size >= max(-float(low[0]), float(high[0])):
-        return Smallest(candidate, None, None, "bounds", precision)
-    return Smallest(candidate, size, size * rms, limit, precision)
+        return Smallest(candidate, None, None, "bounds", precision, unit.from_torques)
+    return Smallest(candidate, size, size * rms, limit, precision, unit.from_torques)
 
 
 def _with_evidence(design: Design, candidate: Candidate, precision: float, least: float) -> float:

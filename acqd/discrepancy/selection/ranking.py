@@ -44,6 +44,8 @@ class Finding:
     """Twice the log Bayes factor against no effect, what was searched for paid."""
     at_joints: float = 0.0
     """Part of the evidence that logged torques contribute; negative where they contradict the power."""
+    from_torques: float = 0.0
+    """Share of the precision of the size, coefficients in proportion, that logged torques add."""
     forbidden: float = 0.0
     """Evidence that sizes beyond their physical bounds add to those within."""
 
@@ -149,7 +151,17 @@ def _judged(
             paid = 2 * np.log(candidate.tried) + candidate.cost * searched + rate * candidate.usual
             joints = 0.0 if one.at_joints is None else one.at_joints.gain(theta)
             forbidden = beyond_bounds(one.S + np.diag(one.D**-2.0), one.h, theta)
-            yield Finding(candidate, theta, deviation, float(evidence - paid), joints, forbidden)
+            yield Finding(
+                candidate, theta, deviation, float(evidence - paid), joints, _share_of(one.at_joints, one.S, theta),
+                forbidden,
+            )  # fmt: skip
+
+
+def _share_of(at_joints: Information | None, precision: Floats, coefficients: Floats) -> float:
+    """Of the precision [k, k] of coefficients [k] in proportion."""
+    if at_joints is None:
+        return 0.0
+    return float(np.clip(at_joints.along(coefficients) / max(coefficients @ precision @ coefficients, 1e-12), 0, 1))
 
 
 class _Acting(NamedTuple):

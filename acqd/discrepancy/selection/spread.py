@@ -74,12 +74,33 @@ def beyond_sessions(design: Design, regression: Regression, finding: Finding, ga
     """
     if not sessions_of(design.parts, in_question=False):
         return np.inf
-    variance, freedom = variance_of_sessions(design, regression, finding, gate)
+    variance, freedom = variances_of_sizes(design, regression, [finding], gate)[0]
     return float(-2 * (np.log(2) + student.logsf(variance**-0.5, freedom)))
 
 
+def variances_of_sizes(
+    design: Design, regression: Regression, findings: Sequence[Finding], gate: Floats, more: More = AS_IT_IS
+) -> list[tuple[float, float]]:
+    """Variances of findings' sizes where nothing has changed, in squared units of the finding, and their freedom.
+
+    A size is the mean of what power and torques say, weighted by their precision (`Finding.from_torques`); unchanged
+    sessions differ in both, independently.
+    """
+    found = []
+    of_power = variances_of_sessions(design, regression, findings, gate, more)
+    for finding, (variance, freedom) in zip(findings, of_power, strict=True):
+        share, at_joints = finding.from_torques, None
+        if share > 0:
+            at_joints = design.differences_at_joints(finding.candidate, gate, finding.coefficients)
+        if at_joints is not None:
+            of_torques = variance_of(design, at_joints.sizes, at_joints.information, at_joints.usual, gate, more)
+            variance = (1 - share) ** 2 * variance + share**2 * of_torques
+        found.append((variance, freedom))
+    return found
+
+
 def variance_of_sessions(design: Design, regression: Regression, finding: Finding, gate: Floats) -> tuple[float, float]:
-    """Variance of a finding's size where nothing has changed, in squared units of the finding, and its freedom.
+    """Variance of a finding's size in power where nothing has changed, in squared units of the finding; its freedom.
 
     Of the mean of the sessions under `gate` [blocks] about that of the reference's sessions, and between
     days, which differ as much as the sessions of a day; recordings that were added from another session are of another
