@@ -91,7 +91,10 @@ def _value(path: Path, number: int, row: list[str], delimiter: str) -> Fraction:
 
 
 def _steps(path: Path, lines: list[int], start: list[int]) -> int:
-    """Length [s] of the last value; `lines` of the file have the times `start`. Raises InputError for times out of order, twice, or with a hole."""
+    """Length [s] of the last value; `lines` of the file have the times `start`.
+
+    Raises InputError for times out of order, twice, or with a hole.
+    """
     if len(start) == 1:
         return 3600
     steps = [later - earlier for earlier, later in pairwise(start)]

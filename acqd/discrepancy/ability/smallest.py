@@ -19,6 +19,7 @@ from scipy.stats import norm
 from scipy.stats import t as student
 
 from acqd.arrays import Floats
+from acqd.discrepancy.joints.witness import TwoWitnesses
 from acqd.discrepancy.regression.design_columns import Candidate
 from acqd.discrepancy.regression.design_matrix import Design
 from acqd.discrepancy.regression.gram import Indices
@@ -98,8 +99,8 @@ def smallest_sizes(rows: Rows, gate: Floats, longer: float = 1.0, more: More = A
         at_joints = design.at_joints(candidate, weights) if precision else None
         if at_joints is not None:
             precision += float(at_joints.precision[0, 0])
-        from_torques = 1 - from_power / precision if precision else 0.0
-        units.append(Finding(candidate, np.ones(1), np.zeros(1), 0.0, from_torques=from_torques))
+        both = TwoWitnesses(from_power, precision - from_power) if precision > from_power > 0 else None
+        units.append(Finding(candidate, np.ones(1), np.zeros(1), 0.0, witnesses=both))
         precisions.append(precision)
     spreads = [(0.0, 1.0)] * len(units)  # without a reference to differ from
     if sessions_of(design.parts, in_question=False):
@@ -120,6 +121,8 @@ def _smallest(design: Design, unit: Finding, precision: float, spread: tuple[flo
     error = float(np.sqrt(1 / precision + variance))
     rms = power_rms(design, unit)
     least_W = THRESHOLDS.least_share_of_range * design.columns.dynamic_range
+    both = unit.witnesses
+    from_torques = 0.0 if both is None else both.torques / (both.power + both.torques)
     improbable = float(student.isf(np.exp(-by_chance(kinds) / 2) / 2, freedom))
     least: dict[LimitedBy, float] = {
         "rows": _with_evidence(design, candidate, precision, by_chance(kinds)),
@@ -130,8 +133,8 @@ def _smallest(design: Design, unit: Finding, precision: float, spread: tuple[flo
     size = least[limit] + _SURE * error
     low, high = bounds_of(candidate)
     if size >= max(-float(low[0]), float(high[0])):
-        return Smallest(candidate, None, None, "bounds", precision, unit.from_torques)
-    return Smallest(candidate, size, size * rms, limit, precision, unit.from_torques)
+        return Smallest(candidate, None, None, "bounds", precision, from_torques)
+    return Smallest(candidate, size, size * rms, limit, precision, from_torques)
 
 
 def _with_evidence(design: Design, candidate: Candidate, precision: float, least: float) -> float:

@@ -57,6 +57,18 @@ class Information:
 
 
 @dataclass(frozen=True, slots=True)
+class TwoWitnesses:
+    """What power and torques say about the size of a finding, in units of that size."""
+
+    power: float
+    """Inverse variance of the size, by power alone."""
+    torques: float
+    power_says: float = 1.0
+    """The size, by power alone."""
+    torques_say: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
 class Differences:
     """What unchanged sessions differ by in torques, in units of a finding."""
 

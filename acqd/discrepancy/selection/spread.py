@@ -83,20 +83,27 @@ def variances_of_sizes(
 ) -> list[tuple[float, float]]:
     """Variances of findings' sizes where nothing has changed, in squared units of the finding, and their freedom.
 
-    A size is the mean of what power and torques say, weighted by their precision (`Finding.from_torques`); unchanged
-    sessions differ in both, independently.
+    Where torques say something, of the mean of what power and torques say, weighted by the inverse of their variances:
+    unchanged sessions differ in both, independently, and often less in torques.
     """
-    found = []
     of_power = variances_of_sessions(design, regression, findings, gate, more)
-    for finding, (variance, freedom) in zip(findings, of_power, strict=True):
-        share, at_joints = finding.from_torques, None
-        if share > 0:
-            at_joints = design.differences_at_joints(finding.candidate, gate, finding.coefficients)
-        if at_joints is not None:
-            of_torques = variance_of(design, at_joints.sizes, at_joints.information, at_joints.usual, gate, more)
-            variance = (1 - share) ** 2 * variance + share**2 * of_torques
-        found.append((variance, freedom))
-    return found
+    return [
+        (_of_both(design, finding, variance, gate, more), freedom)
+        for finding, (variance, freedom) in zip(findings, of_power, strict=True)
+    ]
+
+
+def _of_both(design: Design, finding: Finding, in_power: float, gate: Floats, more: More) -> float:
+    """Variance of the weighted mean, in squared units of the mean; infinite where power and torques contradict."""
+    both = finding.witnesses
+    seen = None if both is None else design.differences_at_joints(finding.candidate, gate, finding.coefficients)
+    if both is None or seen is None:
+        return in_power
+    in_torques = variance_of(design, seen.sizes, seen.information, seen.usual, gate, more)
+    power, torques = 1 / (1 / both.power + in_power), 1 / (1 / both.torques + in_torques)
+    variance = (power**2 * in_power + torques**2 * in_torques) / (power + torques) ** 2
+    size = (power * both.power_says + torques * both.torques_say) / (power + torques)
+    return variance / size**2 if size > 0 else np.inf
 
 
 def variance_of_sessions(design: Design, regression: Regression, finding: Finding, gate: Floats) -> tuple[float, float]:
