@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
+from scipy.optimize import isotonic_regression
 from scipy.signal import lfilter
 
 from acqd.arrays import Floats
@@ -61,6 +62,8 @@ class _Fit:
     """[smoothings] share of the power's variance that remains."""
     late: Floats
     """[smoothings] rows that the power is later than the smoothed prediction."""
+    by_a_curve: float
+    """Share of the power's variance that remains where the power is a curve of the prediction that only rises."""
     deviation_W: float
     """Of the power."""
 
@@ -124,7 +127,17 @@ def _fit(predicted: Floats, P: Floats) -> _Fit:
         late, correlation = _peak(np.concatenate([products[-_REACH:], products[: _REACH + 1]]) / scale)
         pairs.append((max(1 - correlation**2, 1e-12), late - _REACH))
     left, late = np.array(pairs).T
-    return _Fit(left, late, float(P.std()))
+    return _Fit(left, late, _left_by_a_curve(_from_zero_to_zero(predicted), measured, round(late[0])), float(P.std()))
+
+
+def _left_by_a_curve(predicted: Floats, measured: Floats, late: int) -> float:
+    """Share of the variance of `measured` that no curve of the prediction explains that only rises."""
+    pairs = (
+        measured[max(late, 0) : len(measured) + min(late, 0)],
+        predicted[max(-late, 0) : len(predicted) - max(late, 0)],
+    )
+    power = pairs[0][np.argsort(pairs[1], kind="stable")]
+    return float(np.mean((power - isotonic_regression(power).x) ** 2) / max(power.var(), 1e-12))
 
 
 def _from_zero_to_zero(values: Floats) -> Floats:
@@ -145,11 +158,12 @@ def _smoother(slow: list[_Fit], fast: list[_Fit]) -> _Smoothing:
     """What smooths the power of `slow` and not that of `fast`; `_NOTHING` where both are alike.
 
     The errors of `slow` have to be larger than those of unchanged recordings would be. As for a delay, wrong columns
-    gain something, too.
+    gain something, too; and a meter that cuts off the peaks loses fast power without any smoothing.
     """
     gains, other = (np.median([np.log(fit.left / fit.left[0]) for fit in fits], axis=0) for fits in (slow, fast))
     best = int(gains.argmin())
-    beyond = np.exp(min(float(other[best]), 0.0)) - np.exp(gains[best])
+    curve = float(np.median([np.log(max(fit.by_a_curve, 1e-12) / fit.left[0]) for fit in slow]))
+    beyond = np.exp(min(float(other[best]), curve, 0.0)) - np.exp(gains[best])
     if beyond > THRESHOLDS.column_error and grown([fit.error for fit in fast], [fit.error for fit in slow]):
         return _SMOOTHINGS[best]
     return _NOTHING

@@ -56,6 +56,28 @@ def test_power_that_is_explained_as_well_as_in_the_reference_is_left_as_it_is(mo
     assert with_like_means(before) == (before, [])
 
 
+def moves(axes, seed, rows=70):
+    """[700, axes] rad from point to point, with pauses."""
+    random, t = np.random.default_rng(seed), np.arange(700)
+    q = np.zeros((len(t), axes))
+    for begin in range(0, len(t) - rows, rows + 12):
+        s = np.clip((t - begin) / rows, 0, 1)
+        q += (s**3 * (10 - 15 * s + 6 * s**2))[:, None] * random.uniform(-0.02, 0.02, axes) * rows
+    return q
+
+
+def test_a_meter_that_cuts_off_the_peaks_does_not_smooth(model, robot):
+    """A mean makes peaks lower, too, and explains a fifth of what is missing."""
+    signals = {"brake": np.ones(700), "tool": np.zeros(700)}
+    whole = [replace(recording(model, k), q=moves(model.axes, k % 4), signals=signals) for k in range(8)]
+    noise = [np.random.default_rng(k).normal(0, 1, len(s.P)) for k, s in enumerate(whole)]
+    pairs = zip(whole, predictions(model, whole), noise, strict=True)
+    whole = [replace(s, P=predicted + more) for s, predicted, more in pairs]
+    asked = [replace(s, P=np.minimum(s.P, np.percentile(s.P, 80))) for s in whole[:4]]
+    before = subject(model, robot, asked, whole[4:])
+    assert with_like_means(before) == (before, [])
+
+
 @pytest.mark.parametrize("late", [0, 2])
 def test_a_mean_in_question_alone_is_said_and_fast_power_is_put_back(model, robot, sides, late):
     asked, reference = sides

@@ -85,7 +85,8 @@ class Design:
         y = self.blocks.white.y
         of_all = np.bincount(indices, weights, self.blocks.white.size).astype(np.float32)
         own, more = self.columns.values[segment][rows], self.added[segment][rows]
-        return np.asarray(own @ of_all[:y] + more @ of_all[y + 1 :], dtype=np.float64)
+        with np.errstate(invalid="ignore"):  # OpenBLAS raises the flag of finite numbers, too (numpy issue 24067)
+            return np.asarray(own @ of_all[:y] + more @ of_all[y + 1 :], dtype=np.float64)
 
     def at_joints(self, candidate: Candidate, weights: Floats) -> Information | None:
         """What logged torques say about a candidate; `weights` [blocks]: how often a block counts. None: nothing."""
