@@ -82,8 +82,9 @@ def test_with_torques_the_rules_and_the_sizes_agree_and_sizes_are_smaller(seeing
         assert judged(seeing, gate, with_size(seeing, gate, place, smaller), [], kinds).missing != ()
     by_sessions = [e for e in shown if without[e.candidate.key].limited_by == "sessions"]
     assert by_sessions and all(each.size < 0.8 * without[each.candidate.key].size for each in by_sessions)
-    contradicted = replace(finding, witnesses=replace(finding.witnesses, torques_say=-50.0))
-    assert "more than what unchanged" in str(judged(seeing, gate, contradicted, [], kinds).missing)
+    for says in (-50.0, 50.0):  # torques without their power, of either sign
+        contradicted = replace(finding, witnesses=replace(finding.witnesses, power_says=0.0, torques_say=says))
+        assert "more than what unchanged" in str(judged(seeing, gate, contradicted, [], kinds).missing)
 
 
 def test_an_estimate_below_the_size_by_its_error_fails_the_rule_that_limits(rows, gate, sizes):
