@@ -96,7 +96,7 @@ def variances_of_sizes(
 def _of_both(design: Design, finding: Finding, in_power: float, gate: Floats, more: More) -> float:
     """Variance of the weighted mean, in squared units of the mean; infinite where that has another sign.
 
-    What both differ by beyond their errors counts as a variance between witnesses (DerSimonian and Laird 1986).
+    What both differ by beyond a 95 % interval counts as a variance between witnesses (DerSimonian and Laird 1986).
     """
     both = finding.witnesses
     seen = None if both is None else design.differences_at_joints(finding.candidate, gate, finding.coefficients)
@@ -104,7 +104,8 @@ def _of_both(design: Design, finding: Finding, in_power: float, gate: Floats, mo
         return in_power
     in_torques = variance_of(design, seen.sizes, seen.information, seen.usual, gate, more)
     of_power, of_torques = 1 / both.power + in_power, 1 / both.torques + in_torques
-    between = max((both.power_says - both.torques_say) ** 2 - of_power - of_torques, 0.0) / 2
+    usual = THRESHOLDS.interval_width**2 * (of_power + of_torques)
+    between = max((both.power_says - both.torques_say) ** 2 - usual, 0.0) / 2
     power, torques = 1 / (of_power + between), 1 / (of_torques + between)
     variance = (power**2 * (in_power + between) + torques**2 * (in_torques + between)) / (power + torques) ** 2
     size = (power * both.power_says + torques * both.torques_say) / (power + torques)
