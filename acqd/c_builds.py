@@ -22,7 +22,7 @@ WINDOW_FALLBACK = "metering with numpy takes more than twenty times as long"
 QUALITY_FALLBACK = "power quality and events with numpy take several times as long"
 TICKS_FALLBACK = "MAIN_FAST waits in Python, which costs more of the processor"
 SWITCHING_FALLBACK = "loads that switch are searched with numpy, which takes several times as long"
-FLAC_FALLBACK = "archived samples are read through libsndfile, which takes half as long again"
+FLAC_FALLBACK = "archived samples are read through libsndfile, which takes twice as long"
 RIGID_BODY_FALLBACK = "joint torques are computed with numpy, which takes four to eight times as long"
 LSTM_FALLBACK = "train with --compute torch"
 FMU_FALLBACK = "acqd[fmu] brings zig"
@@ -74,10 +74,11 @@ def switching() -> CBuild:
     return CBuild("switching", (source,), ("-O2", "-std=c99", *_SHARED, "-ffp-contract=off"), SWITCHING_FALLBACK)
 
 
-def flac() -> CBuild:
-    """Reading archived samples; nothing in it gains from wide vectors."""
+def flac(instructions: InstructionSet) -> CBuild:
+    """Reading archived samples."""
     source = _PACKAGE / "archive" / "flac.c"
-    return CBuild("flac", (source,), ("-O3", *_COMMON, "-Wall", "-Wextra"), FLAC_FALLBACK)
+    flags = ("-O3", *_COMMON, "-Wall", "-Wextra", *instructions.options)
+    return CBuild(f"flac-{instructions.name}", (source,), flags, FLAC_FALLBACK)
 
 
 def rigid_body(instructions: InstructionSet) -> CBuild:
@@ -105,10 +106,15 @@ def all_builds(machine: str) -> list[CBuild]:
     return [
         ticks(),
         switching(),
-        flac(),
         *(
             build
             for each in sets
-            for build in (*(window(n, each) for n in (2, 4, 6)), quality(each), rigid_body(each), lstm(each))
+            for build in (
+                *(window(n, each) for n in (2, 4, 6)),
+                quality(each),
+                rigid_body(each),
+                lstm(each),
+                flac(each),
+            )
         ),
     ]

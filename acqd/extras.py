@@ -10,7 +10,7 @@ from pathlib import Path
 
 from acqd.errors import UserError
 
-LOOP = ("jinja2", "matplotlib", "pyarrow", "safetensors", "scipy")
+LOOP = ("jinja2", "matplotlib", "safetensors", "scipy")
 """What the closing loop imports."""
 MOTION = ("pinocchio",)
 """What looks for collisions, inverts kinematics and reads URDF imports."""

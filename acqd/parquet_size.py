@@ -14,7 +14,11 @@ the file, so its size says nothing."""
 
 def check_size(path: Path, metadata: Any) -> None:
     """Raises InputError for more rows and columns than are read at once; `metadata` as pyarrow has it."""
-    rows, columns = int(metadata.num_rows), int(metadata.num_columns)
+    check_cells(path, int(metadata.num_rows), int(metadata.num_columns))
+
+
+def check_cells(path: Path, rows: int, columns: int) -> None:
+    """Raises InputError for more rows and columns than are read at once."""
     if rows * max(columns, 1) > MOST_CELLS:
         raise InputError(
             path,

@@ -4,13 +4,15 @@ A logger that writes 100 rows a second with one decimal gives ten rows each stam
 their order, and how far apart they are from their number: a line of time over row number goes through the stamps. It
 bends, for the rate of a controller drifts. Whether the logger cut the digits off or rounded them is only seen where the
 number of digits changes within the rows; otherwise all rows together may be early or late by a quarter of a stamp's
-width. Rows that come at the same places of each stamp leave half a row more in doubt.
+width. Rows that come at the same places of each stamp leave half a row more in doubt. Stamps whose width is no power of
+ten or two are not those of missing digits: a clock ticks so, and the rows follow their stamp, or they came in packets
+that were stamped last, and precede it.
 """
 
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -31,6 +33,8 @@ _DRIFTS = 1.5
 _CLEAR = 0.125
 """Distance from cut or rounded digits, over the width of the stamps, within which rows with more digits decide."""
 _LEAST_STAMPS = 4
+_POWER = 0.004
+"""Distance of a logarithm from a whole number, within which a width is a power of the base: one per cent of ten."""
 _WINDOW = 25
 """Stamps on either side by which a change of the number of rows per stamp is seen."""
 
@@ -55,16 +59,29 @@ class Rebuilt:
     """Whether the logger rounded the times, or cut their digits off; None: the rows do not tell."""
 
     @property
+    def by_digits(self) -> bool:
+        """Whether missing digits, decimal or binary, make stamps of this width."""
+        if self.stamp_s <= 0.0:
+            return True
+        return any(abs(power - np.rint(power)) < _POWER for power in (np.log10(self.stamp_s), np.log2(self.stamp_s)))
+
+    @property
     def error_s(self) -> float:
-        """By how much all times may be wrong together: the logger may have rounded or cut off."""
-        return (self.stamp_s / 4 if self.rounded is None else 0.0) + self.wander_s + self.phase_s
+        """By how much all times may be wrong together: rounded or cut off, or stamped before or after the rows."""
+        unknown_s = 0.0 if self.rounded is not None else self.stamp_s / (4 if self.by_digits else 2)
+        return unknown_s + self.wander_s + self.phase_s
 
     def sentence(self) -> str:
         """What a user should know."""
+        if self.by_digits:
+            cause, remedy = f"times are only written to {self.stamp_s:.3g} s", "write times with three decimals or more"
+        else:
+            cause = f"a stamp comes about every {self.stamp_s:.3g} s, of a slow clock or of rows in packets"
+            remedy = "record the controller's own time"
         return (
-            f"{self.shared} of {len(self.time)} rows have the time of the row before: times are only written to "
-            f"{self.stamp_s:.3g} s. The rows were put {1000 * self.row_s:.4g} ms apart, as their number says, and may "
-            f"all be off by {1000 * self.error_s:.0f} ms; write times with three decimals or more"
+            f"{self.shared} of {len(self.time)} rows have the time of the row before: {cause}. "
+            f"The rows were put {1000 * self.row_s:.4g} ms apart, as their number says, and may "
+            f"all be off by {1000 * self.error_s:.0f} ms; {remedy}"
         )
 
 
@@ -106,11 +123,10 @@ def rebuilt_times(time: Floats, shared: int) -> Rebuilt | None:
     wander_s = max(float(np.percentile(np.abs(off_s), 95)) - row_s, 0.0)
     widest = max(lines, key=lambda line: line.wide_s)
     phase_s = (row_s - float(np.ptp(np.percentile(widest.off, [5, 95]))) / 0.9) / 2 if widest.wide_s else 0.0
-    rounded = _rounded(lines)
-    share = {None: 0.25, True: 0.5, False: 0.0}[rounded]
+    rebuilt = Rebuilt(time, shared, row_s, widest.wide_s, wander_s, max(phase_s, 0.0), _rounded(lines))
+    share = {None: 0.25 if rebuilt.by_digits else 0.5, True: 0.5, False: 0.0}[rebuilt.rounded]
     times = np.concatenate([line.times - share * line.wide_s for line in lines])
-    rising = np.maximum.accumulate(times + 1e-9 * np.arange(len(times)))
-    return Rebuilt(rising, shared, row_s, widest.wide_s, wander_s, max(phase_s, 0.0), rounded)
+    return replace(rebuilt, time=np.maximum.accumulate(times + 1e-9 * np.arange(len(times))))
 
 
 @dataclass(frozen=True, slots=True)

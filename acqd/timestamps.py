@@ -45,7 +45,7 @@ def parse_times(path: Path, name: str, cells: Sequence[object], numbers: Sequenc
         _require_times(path, name, min(stamps), max(stamps))
         return np.array(stamps, dtype=np.int64)
     try:
-        values = np.array(cells, dtype=np.float64)
+        values = np.array(cells, dtype=np.float64).reshape(len(cells))
     except (ValueError, TypeError) as error:
         raise InputError(path, f"column {name}: {error}; times must be all numbers or all RFC 3339") from None
     if not np.isfinite(values).all():

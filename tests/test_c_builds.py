@@ -5,7 +5,7 @@ import platform
 import pytest
 
 from acqd import compiling
-from acqd.c_builds import CBuild, all_builds, lstm, quality, rigid_body, window
+from acqd.c_builds import CBuild, all_builds, flac, lstm, quality, rigid_body, window
 from acqd.errors import OperationError, UserError
 from acqd.fmu import platforms
 from acqd.instruction_sets import INSTRUCTION_SETS, best_instruction_set
@@ -19,12 +19,13 @@ def test_a_wheel_holds_what_any_processor_of_its_kind_looks_for():
             lstm(instructions),
             quality(instructions),
             rigid_body(instructions),
+            flac(instructions),
             *(window(channels, instructions) for channels in (2, 4, 6)),
         ]
         assert {compiling.file_name(build) for build in wanted} <= names
     others = {build.name for build in all_builds("aarch64")}
     windows = {f"window-portable-{channels}" for channels in (2, 4, 6)}
-    anywhere = {"ticks", "switching", "flac", "lstm-portable", "quality-portable", "rigid-body-portable"}
+    anywhere = {"ticks", "switching", "flac-portable", "lstm-portable", "quality-portable", "rigid-body-portable"}
     assert others == anywhere | windows
 
 

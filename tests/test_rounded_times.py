@@ -74,3 +74,13 @@ def test_more_digits_at_the_beginning_tell_whether_the_later_ones_were_cut_off(c
     rebuilt = rebuilt_times(written, shared_stamps(written, np.ones(len(true) - 1, bool)))
     assert rebuilt is not None and rebuilt.rounded is (not cut)
     assert np.abs(rebuilt.time - true).max() < 0.015 > rebuilt.error_s
+
+
+@pytest.mark.parametrize("late", [False, True])
+def test_stamps_of_packets_or_of_a_slow_clock_may_be_before_or_after_their_rows(late):
+    true = 1000.003 + 0.01 * np.arange(3000)
+    written = np.round((np.ceil(true / 0.08) if late else np.floor(true / 0.08)) * 0.08, 6)
+    rebuilt = rebuilt_times(written, shared_stamps(written, np.ones(len(true) - 1, bool)))
+    assert rebuilt is not None and not rebuilt.by_digits
+    assert np.abs(rebuilt.time - true).max() < rebuilt.error_s < 0.05
+    assert "of a slow clock or of rows in packets" in rebuilt.sentence()

@@ -30,7 +30,7 @@ class Dataset:
 
     def __init__(self, folder: Place) -> None:
         """Open a dataset. Raises UserError."""
-        require("Dataset", ("pyarrow", "scipy"), "data")
+        require("Dataset", ("scipy",), "data")
         from acqd.dataset.manifest import load_manifest
 
         self.path: Path = path_of(folder)
@@ -56,7 +56,7 @@ class Dataset:
         cut ("auto": chosen from the motion, None: only a single long log is cut). Raises UserError, InputError,
         OperationError.
         """
-        require("Dataset.build", ("jinja2", "matplotlib", "pyarrow", "scipy"), "data")
+        require("Dataset.build", ("jinja2", "matplotlib", "scipy"), "data")
         from acqd.dataset.build import BuildConfig, build
 
         name = _name_of(robot)
@@ -76,7 +76,7 @@ class Dataset:
         [V], `tau1`.. [Nm], `current1`.. [A], `temperature1`.. [degC], `brake`, `tool`. Rows of a recording are
         equidistant. Raises UserError that names what is wrong.
         """
-        require("Dataset.from_arrow", ("pyarrow", "scipy"), "data")
+        require("Dataset.from_arrow", ("pyarrow", "scipy"), "data,parquet")
         from acqd.dataset.tables import write_table
         from acqd.errors import UserError
 
@@ -136,6 +136,7 @@ class Dataset:
 
     def to_arrow(self) -> pyarrow.Table:
         """Rows of all recordings: `recording`, `split`, `time`, and the columns that every recording has."""
+        require("Dataset.to_arrow", ("pyarrow",), "parquet")
         from acqd.dataset.tables import table_of
 
         return table_of(self.path)

@@ -128,7 +128,7 @@ def train(
     >>> model.metadata["metrics"]["test"]["rmse"] < 3  # W, simulated
     True
     """
-    require("train", ("pyarrow", "scipy", "safetensors"), "data,predict")
+    require("train", ("scipy", "safetensors"), "data,predict")
     from acqd.models.config import TrainConfig
     from acqd.models.networks.settings import TrainingSettings
     from acqd.models.training import bundle_name, train_one

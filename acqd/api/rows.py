@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
@@ -49,7 +48,8 @@ class Rows:
 
     def to_arrow(self) -> pyarrow.Table:
         """A table with `time` (UTC timestamps), `P` and `Vrms`, and the units in the metadata of the fields."""
-        from acqd.dataset.schema import recording_table
+        require("Rows.to_arrow", ("pyarrow",), "parquet")
+        from acqd.dataset.arrow import recording_table
 
         return recording_table(self.time_ns, {"P": self.P, "Vrms": self.Vrms})
 
@@ -62,16 +62,14 @@ class Rows:
 def read_rows(source: Place, *, device: str | None = None, channel: str | None = None) -> Rows:
     """Rows of a .csv, .jsonl or .parquet file, a .sqlite file or an SQL URL.
 
-    `device` and `channel` default to the only device, and to total, else L1. A file needs pyarrow (`acqd[rows]`), a
-    database nothing more than acqd. Raises InputError, UserError.
+    `device` and `channel` default to the only device, and to total, else L1. Parquet needs pyarrow (`acqd[parquet]`),
+    everything else nothing more than acqd. Raises InputError, UserError.
 
     >>> rows = read_rows("power.csv")
     >>> rows.measured, rows.window_s
     ('simulated', 0.04)
     """
-    from acqd.dataset.power import FILES, open_power
+    from acqd.dataset.power import open_power
 
-    if Path(str(source)).suffix in FILES:
-        require("read_rows of a file", ("pyarrow",), "rows")
     stream = open_power(str(source), device, channel)
     return Rows(stream.time_ns, stream.P, stream.Vrms, stream.window_ns * 1e-9, stream.measured)

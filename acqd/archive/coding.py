@@ -19,6 +19,7 @@ import soundfile
 from acqd.c_builds import flac
 from acqd.compiling import loaded_library
 from acqd.errors import OperationError
+from acqd.instruction_sets import best_instruction_set
 from acqd.metering.block import Codes
 
 _log = logging.getLogger(__name__)
@@ -90,7 +91,7 @@ def _unflac_by_libsndfile(coding: str, data: bytes) -> Codes:
 def _library() -> ctypes.CDLL | None:
     """`flac.c`; None where it cannot be built."""
     try:
-        loaded = loaded_library(flac())
+        loaded = loaded_library(flac(best_instruction_set()))
     except OperationError as error:
         _log.warning("archived samples are read without C: %s", error)
         return None

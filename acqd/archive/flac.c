@@ -87,8 +87,11 @@ INLINE uint32_t unary(struct bits *b)
 INLINE int32_t rice(struct bits *b, int parameter)
 {
     uint32_t folded;
-    fill(b);
-    const int zeros = b->held ? __builtin_clzll(b->held) : 64;
+    int zeros = b->held ? __builtin_clzll(b->held) : 64;
+    if (zeros + 1 + parameter > b->count) {
+        fill(b);
+        zeros = b->held ? __builtin_clzll(b->held) : 64;
+    }
     if (zeros + 1 + parameter <= b->count) { /* all of it is at hand, as nearly always */
         const uint64_t rest = b->held << zeros << 1;
         folded = (uint32_t)zeros << parameter | (uint32_t)(rest >> 1 >> (63 - parameter));
@@ -121,6 +124,8 @@ INLINE void samples(struct bits *from, int32_t *x, int size, const int order, co
                 sum += weight[k] * x[n - 1 - k];
             if (order)
                 sum += weight[0] * newest; /* last, for it is known last */
+            if (n % 4 == 0)
+                fill(&b); /* bits of some four numbers: waiting for them each time would take longer than the rest */
             const int32_t residual = plain < 0 ? rice(&b, parameter) : take_signed(&b, plain);
             newest = x[n] = (int32_t)(uint32_t)(uint64_t)(residual + (sum >> shift));
         }

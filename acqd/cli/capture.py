@@ -12,7 +12,7 @@ from typing import Annotated
 import orjson
 import typer
 
-from acqd.atomic import write_complete
+from acqd.atomic import require_writable, write_complete
 from acqd.cli.options import ConfigFile, Json, configured
 from acqd.daemon.health.capture import MOST_S, captured
 from acqd.errors import InputError, UserError
@@ -47,6 +47,9 @@ def capture(
     """
     if out.suffix.lower() not in _ENDINGS:
         raise UserError(f"--out {out}: expected a name that ends in {', '.join(_ENDINGS)}")
+    if not out.parent.is_dir():
+        raise UserError(f"--out {out}: folder {out.parent} does not exist; create it")
+    require_writable(out)
     if file is None:
         if begin or end or mapping or rate or u_scale or i_scale:
             raise UserError(
@@ -107,8 +110,6 @@ def _seconds(option: str, waveform: Waveform, text: str) -> float:
 
 
 def _write(out: Path, waveform: Waveform) -> None:
-    if not out.parent.is_dir():
-        raise UserError(f"--out {out}: folder {out.parent} does not exist; create it")
     if out.suffix.lower() == ".npz":
         write_complete(out, npz_bytes(waveform))
     else:

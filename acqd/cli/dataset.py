@@ -33,7 +33,7 @@ class Torque(StrEnum):
 @app.callback()
 def dataset() -> None:
     """Merge power rows with robot logs whose clocks nobody synchronised."""
-    require("acqd dataset", ("jinja2", "matplotlib", "pyarrow", "scipy"), "data")
+    require("acqd dataset", ("jinja2", "matplotlib", "scipy"), "data")
 
 
 @app.command()

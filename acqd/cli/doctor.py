@@ -16,6 +16,7 @@ from acqd.cli.phasor_diagram import print_wiring
 from acqd.daemon.config import Config
 from acqd.daemon.finding import Finding
 from acqd.daemon.health.runbook import entry_for
+from acqd.errors import UserError
 
 
 def doctor(
@@ -23,7 +24,9 @@ def doctor(
         bool, typer.Option("--wiring", help="Examine transformers and terminals of the running daemon's device.")
     ] = False,
     device: Annotated[str, typer.Option(help="Of --wiring: which source, where the daemon has several.")] = "",
-    seconds: Annotated[float, typer.Option(min=1.0, max=600.0, help="Of --wiring: how long, in s.")] = 60.0,
+    seconds: Annotated[
+        float | None, typer.Option(min=1.0, max=600.0, help="Of --wiring: how long, in s (default 60).")
+    ] = None,
     power: Annotated[
         float | None, typer.Option(help="Of --wiring: W that the load takes; else a sidecar's prediction, if any.")
     ] = None,
@@ -38,8 +41,10 @@ def doctor(
     Example: acqd doctor --config /etc/acqd/acqd.toml; acqd doctor --wiring
     """
     if wiring:
-        _wiring(configured(config), device, seconds, (power, rated), json=json)
+        _wiring(configured(config), device, seconds or 60.0, (power, rated), json=json)
         return
+    if device or (seconds, power, rated) != (None, None, None):
+        raise UserError("--device, --seconds, --power and --rated are for --wiring; give that too, or leave them out")
     from acqd.daemon.checks import all_checks
 
     findings = all_checks(configured(config))

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import orjson
 import typer
 
+from acqd.atomic import require_writable
 from acqd.cli.folded_table import Table
 from acqd.cli.options import ConfigFile, Json, configured
 from acqd.cli.progress import progress
@@ -52,10 +53,12 @@ def page_command(
 
     require("acqd plant", ("jinja2",), "data")
     settings = _settings(config, tariff)
+    require_writable(out)
+    told = _found(fleet)
     heard = None if no_broker else _listen(settings)
     with progress(terminal(stderr=True)) as show:
         engine = read_database(database or settings.sink.database)
-        plant = read_plant(engine, rules_of(settings.energy), time.time(), heard, _found(fleet), show)
+        plant = read_plant(engine, rules_of(settings.energy), time.time(), heard, told, show)
     plant_page(plant, out).write(out)
     if json:
         devices = [row.as_json() for row in plant.rows]
@@ -93,9 +96,11 @@ def month_command(
     settings = _settings(config, tariff)
     rules = rules_of(settings.energy)
     chosen, earlier = month_range(month, time.time(), rules.zone)
+    require_writable(out or Path("plant.html"))
+    told = _found(fleet)
     with progress(terminal(stderr=True)) as show:
         engine = read_database(database or settings.sink.database)
-        found = read_month(engine, rules, chosen, earlier, _found(fleet), show)
+        found = read_month(engine, rules, chosen, earlier, told, show)
     path = out or Path(f"plant-{found.name}.html")
     month_page(found, path).write(path)
     total = found.total

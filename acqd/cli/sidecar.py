@@ -40,7 +40,7 @@ def sidecar(
 
     Example: acqd sidecar /srv/robot-logs --model ds.models/grey-box-everything-s1 --config /etc/acqd/acqd.toml
     """
-    require("acqd sidecar", ("pyarrow", "safetensors", "scipy", "watchfiles"), "sidecar")
+    require("acqd sidecar", ("safetensors", "scipy", "watchfiles"), "sidecar")
     if live and no_mqtt:
         raise UserError("--live answers over MQTT; leave out --no-mqtt")
     from acqd.sidecar.lock import exclusive

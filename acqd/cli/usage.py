@@ -63,8 +63,17 @@ class NamingGroup(TyperGroup):
 
     # Versions of Typer keep click's classes in different modules, hence Any.
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        """As click's, and remembers the command."""
-        name, command, rest = super().resolve_command(ctx, args)
+        """As click's, and remembers the command; of an unknown one, it says which groups have it."""
+        try:
+            name, command, rest = super().resolve_command(ctx, args)
+        except Exception as error:
+            unknown: Any = error
+            message = getattr(error, "message", "Did you mean")
+            groups = [name for name, each in self.commands.items() if args[0] in getattr(each, "commands", {})]
+            if groups and "Did you mean" not in message:
+                meant = ", ".join(f"'{ctx.command_path} {name} {args[0]}'" for name in groups)
+                unknown.message = f"{message.rstrip('.')}. Did you mean {meant}?"
+            raise
         self._read = (name, command)
         return name, command, rest
 

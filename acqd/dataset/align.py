@@ -15,7 +15,7 @@ from scipy.linalg import qr
 from scipy.optimize import minimize_scalar
 from scipy.signal import correlate
 
-from acqd.arrays import Floats
+from acqd.arrays import Floats, Singles
 from acqd.dataset.power import PowerStream
 from acqd.dataset.regressors import STEP_S, Regressors, band_limited, behind_supply
 from acqd.numerics import ridge_regression
@@ -85,7 +85,7 @@ class Overlap:
 
     t: Floats
     """[T] s, controller clock."""
-    columns: Floats
+    columns: Singles
     """[T, k] regressors as the meter would see them."""
     at: Floats
     """[N] s, power clock."""
@@ -99,7 +99,8 @@ class Overlap:
 
     def behind_supply(self, lag_s: float) -> Overlap:
         """The same with regressors delayed by a supply; at the log's start, they are taken as constant before."""
-        return replace(self, columns=behind_supply(self.columns, lag_s))
+        delayed = behind_supply(self.columns.astype(np.float64), lag_s)
+        return replace(self, columns=delayed.astype(np.float32))
 
 
 def overlap(
@@ -124,7 +125,7 @@ def overlap(
     if inside.sum() < 2 * regressors.columns.shape[1]:
         return None
     columns = band_limited(regressors.as_metered(supply_lag_s, max(window_s, average_s)), STEP_S)
-    return Overlap(t, columns, at[inside], band_limited(P, window_s)[inside])
+    return Overlap(t, columns.astype(np.float32), at[inside], band_limited(P, window_s)[inside])
 
 
 def refine(regressors: Regressors, power: PowerStream, supply_lag_s: float, coarse: Lag) -> Lag:
@@ -151,7 +152,7 @@ def _thinned(columns: Floats, step: float) -> Floats:
     return _interpolated(columns, np.arange(0, (len(columns) - 1) * STEP_S, step) / STEP_S)
 
 
-def _interpolated(columns: Floats, index: Floats) -> Floats:
+def _interpolated(columns: Floats | Singles, index: Floats) -> Floats:
     """Rows at fractional indices, by cubics through four neighbours: straight lines would blur."""
     before = np.clip(index.astype(np.int64), 1, len(columns) - 3)
     x = np.clip(index - before, -1.0, 2.0)[:, None]
@@ -161,7 +162,10 @@ def _interpolated(columns: Floats, index: Floats) -> Floats:
         -(x + 1) * x * (x - 2) / 2,
         (x + 1) * x * (x - 1) / 6,
     )
-    result, neighbour = np.zeros((len(index), columns.shape[1])), np.empty((len(index), columns.shape[1]))
+    result, neighbour = (
+        np.zeros((len(index), columns.shape[1])),
+        np.empty((len(index), columns.shape[1]), columns.dtype),
+    )
     for k, share in enumerate(shares):  # without arrays in between: a search for a lag does this a hundred times
         np.take(columns, before + k - 1, axis=0, out=neighbour, mode="clip")
         neighbour *= share

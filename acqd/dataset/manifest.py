@@ -23,9 +23,25 @@ def load_manifest(dataset: Path) -> dict[str, Any]:
     except orjson.JSONDecodeError as error:
         raise UserError(f"{path} is damaged ({error}); build the dataset again") from None
     needed = {"robot", "description", "step_s", "measured", "recordings", "refused"}
-    if not isinstance(manifest, dict) or not needed <= manifest.keys():
+    if not isinstance(manifest, dict) or not needed <= manifest.keys() or not _is_whole(manifest):
         raise UserError(f"{path} is of another version of acqd, or damaged; build the dataset again")
     return manifest
+
+
+def _is_whole(manifest: dict[str, Any]) -> bool:
+    """Whether what the readers of a dataset count on has the types that acqd writes."""
+    step_s, entries = manifest["step_s"], manifest["recordings"]
+    return (
+        isinstance(step_s, int | float)
+        and step_s > 0
+        and isinstance(entries, list)
+        and all(
+            isinstance(entry, dict)
+            and all(isinstance(entry.get(key), str) for key in ("name", "file"))
+            and all(isinstance(entry.get(key, 0), int | float) for key in ("rows", "context_rows", "valid_s"))
+            for entry in entries
+        )
+    )
 
 
 def valid_share(manifest: dict[str, Any]) -> float:

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
-import pyarrow as pa
 from numpy.typing import NDArray
 
 from acqd.arrays import Floats
 from acqd.dataset.power import PowerStream
 from acqd.dataset.resample import held, resampled
-from acqd.dataset.schema import recording_table
+from acqd.dataset.schema import write_columns
 from acqd.robot.labels import Texts
 from acqd.robot.log import RobotLog, in_time
 from acqd.robot.log_ends import unknown_ends
@@ -48,10 +48,11 @@ class Recording:
         """[T, axes] of a quantity of every axis, such as "q". Raises KeyError for one that was not logged."""
         return np.column_stack([self.columns[f"{quantity}{axis + 1}"] for axis in range(axes)])
 
-    def table(self, sliding: tuple[int, ...] = ()) -> pa.Table:
-        """The recording as a table for Parquet; `sliding` are the prismatic joints, from 0, whose units are others."""
+    def write(self, folder: Path, sliding: tuple[int, ...] = ()) -> None:
+        """Write `NAME.parquet`; `sliding` are the prismatic joints, from 0, whose units are others. Raises OSError."""
         flags = {"valid": self.valid} if self.context is None else {"valid": self.valid, "context": self.context}
-        return recording_table(self.time_ns, {**self.columns, **self.labels, **flags}, sliding)
+        columns = {**self.columns, **self.labels, **flags}
+        write_columns(folder / f"{self.name}.parquet", self.time_ns, columns, sliding)
 
 
 def merge(name: str, log: RobotLog, power: PowerStream, lag_s: float, drift_ppm: float, step_s: float) -> Recording:

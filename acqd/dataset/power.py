@@ -34,7 +34,7 @@ Measured = Literal["mains", "bus", "derived", "simulated"]
 measurements (currents), or a simulation."""
 _LABELS: tuple[Measured, ...] = ("simulated", "derived")  # flags of rows that say so
 FILES = (".parquet", ".jsonl", ".json", ".ndjson", ".csv", ".txt")
-"""Files of rows; they are read by pyarrow. A database needs nothing more than acqd."""
+"""Files of rows. Parquet needs pyarrow; the others, and databases, need nothing more than acqd."""
 _ROW = np.dtype([("time", np.int64), ("P", np.float64), ("Vrms", np.float64)])
 _MOST_UNSURE_S = 0.5
 """Error of all times from which on no lag can be read."""

@@ -54,6 +54,9 @@ def choose(origin: str, present: set[tuple[str, str]], device: str | None, chann
         raise UserError(f"power {origin}: holds no rows")
     if device is None and len(devices) > 1:
         raise UserError(f"power {origin}: holds several devices; choose one with --device: {', '.join(devices)}")
+    for option, name, known in (("device", device, devices), ("channel", channel, {each for _, each in present})):
+        if name and set(known) == {""}:
+            raise UserError(f"power {origin}: has no column {option}; leave --{option} out")
     device = device or devices[0]
     channels = sorted(name for owner, name in present if owner == device)
     if not channels:

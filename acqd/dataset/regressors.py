@@ -16,7 +16,7 @@ from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 from scipy.signal import butter, lfilter, sosfiltfilt
 
-from acqd.arrays import Floats
+from acqd.arrays import Floats, Singles
 from acqd.errors import InputError
 from acqd.robot.description import RobotDescription
 from acqd.robot.inertia import inverse_dynamics
@@ -53,8 +53,8 @@ class Regressors:
 
     start_s: float
     """Controller time of the first grid point."""
-    columns: Floats
-    """[T, k], neither delayed nor averaged."""
+    columns: Floats | Singles
+    """[T, k], neither delayed nor averaged; single precision: those of an hour take a tenth of a gigabyte."""
     mechanical_power: Floats
     """[T] W: torque times speed, summed over the joints (thesis Eq. 6.1 to 6.3)."""
     essential: int
@@ -84,7 +84,7 @@ class Regressors:
 
         The trapezoidal rule (Tustin's method) delays slow signals by exactly `lag_s` at any step.
         """
-        return _averaged(behind_supply(self.columns, lag_s), window_s)
+        return _averaged(behind_supply(self.columns.astype(np.float64), lag_s), window_s)
 
 
 def behind_supply(columns: Floats, lag_s: float) -> Floats:
@@ -133,9 +133,8 @@ def regressors_of(log: RobotLog, robot: RobotDescription, torque: TorqueSource |
     smoothing = log.quality.smoothing
     # times put right are as unsure as a supply's lag: the scatter that is left in them looks like a longer one
     coarse = log.quality.times_put_right or (smoothing is not None and smoothing.coarse)
-    return Regressors(
-        float(time[0]), np.column_stack(columns), power, essential, events, known, log.quality.age_error_s, coarse
-    )
+    values = np.column_stack(columns).astype(np.float32)
+    return Regressors(float(time[0]), values, power, essential, events, known, log.quality.age_error_s, coarse)
 
 
 def _known(grid: Floats, time: Floats) -> NDArray[np.bool_] | None:

@@ -1,19 +1,18 @@
-"""Columns of a recording in Arrow and Parquet: times as UTC timestamps, units in the metadata of the fields."""
+"""Columns of a recording in its file: times as UTC timestamps, units in the metadata."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet
 from numpy.typing import NDArray
 
+from acqd.dataset.parquet import OtherWriterError, read_parquet, write_parquet
 from acqd.errors import InputError
-from acqd.parquet_size import check_size
+from acqd.extras import require
 from acqd.robot.labels import from_numbers
 from acqd.robot.log_layout import LABELS
 
@@ -30,7 +29,6 @@ _UNITS = {
     "tool": "1",
 }
 _SLIDING = {"q": "m", "qd": "m/s", "tau": "N"}
-UTC_NS = pa.timestamp("ns", tz="UTC")
 
 
 def unit_of(column: str, sliding: tuple[int, ...] = ()) -> str | None:
@@ -40,40 +38,39 @@ def unit_of(column: str, sliding: tuple[int, ...] = ()) -> str | None:
     return _SLIDING.get(quantity, _UNITS.get(quantity)) if slides else _UNITS.get(quantity)
 
 
-def recording_table(time_ns: np.ndarray, columns: Mapping[str, np.ndarray], sliding: tuple[int, ...] = ()) -> pa.Table:
-    """A table with the column `time`, then `columns` [T] each."""
-    fields = [pa.field(TIME, UTC_NS)]
-    arrays = [pa.array(np.asarray(time_ns, dtype=np.int64)).cast(UTC_NS)]
-    for name, values in columns.items():
-        array = pa.array(values).dictionary_encode() if values.dtype == object else pa.array(values)
-        unit = unit_of(name, sliding)
-        fields.append(pa.field(name, array.type, metadata=None if unit is None else {"unit": unit}))
-        arrays.append(array)
-    return pa.Table.from_arrays(arrays, schema=pa.schema(fields))
+def units_of(columns: Iterable[str], sliding: tuple[int, ...] = ()) -> dict[str, str]:
+    """Units by column, of the columns that have one."""
+    units = {name: unit_of(name, sliding) for name in columns}
+    return {name: unit for name, unit in units.items() if unit is not None}
+
+
+def write_columns(
+    file: Path, time_ns: NDArray[np.int64], columns: Mapping[str, NDArray[Any]], sliding: tuple[int, ...] = ()
+) -> None:
+    """Write a recording: the column `time`, then `columns` [T] each. Raises OSError."""
+    stamps = np.asarray(time_ns, dtype=np.int64).astype("datetime64[ns]")
+    write_parquet(file, {TIME: stamps, **columns}, units_of(columns, sliding))
 
 
 def read_columns(file: Path) -> dict[str, NDArray[Any]]:
-    """The columns of a recording's file, by name, as `columns_of`. Raises InputError."""
+    """The columns [T] of a recording's file by name, its time as `time_ns` (int64). Raises InputError, UserError.
+
+    Labels are text. Files of versions that wrote with pyarrow are read by pyarrow.
+    """
     if not file.is_file():
         raise InputError(file, f"{'is no file' if file.exists() else 'no such file'}; build the dataset again")
     try:
-        # not read_table, which imports pyarrow.dataset
-        with pyarrow.parquet.ParquetFile(file) as parquet:
-            check_size(file, parquet.metadata)
-            return columns_of(parquet.read())
-    except (OSError, pa.ArrowInvalid) as error:
-        raise InputError(file, f"cannot be read ({str(error).splitlines()[0]}); build the dataset again") from None
+        columns = read_parquet(file)
+    except OtherWriterError:
+        require(f"{file}, of a dataset that acqd 0.3 or earlier has built,", ("pyarrow",), "parquet")
+        from acqd.dataset.arrow import read_file
 
-
-def columns_of(table: pa.Table) -> dict[str, NDArray[Any]]:
-    """The columns [T] of a recording, its time as `time_ns` (int64), which is how earlier versions stored it.
-
-    Labels are text; earlier versions stored numbers.
-    """
-    columns = {name: table[name].to_numpy() for name in table.column_names if name != TIME}
+        columns = read_file(file)
+    except (OSError, ValueError) as error:
+        raise InputError(file, f"cannot be read ({error}); build the dataset again") from None
     for name in columns.keys() & set(LABELS):
-        if columns[name].dtype != object:
+        if columns[name].dtype != object:  # earlier versions stored numbers
             columns[name] = from_numbers(columns[name])
-    if TIME in table.column_names:
-        columns["time_ns"] = table[TIME].cast(UTC_NS).cast(pa.int64()).to_numpy()
+    if TIME in columns:
+        columns["time_ns"] = columns.pop(TIME).astype(np.int64)
     return columns

@@ -3,7 +3,8 @@
 Lag and offset differ in how they smooth fast changes only. One regression of many recordings together tells them
 apart. A pure delay of the supply cannot be told from a clock offset by any log: it is part of the lags. Nor can a
 smoothing without delay, of currents from which power was computed or of the poses, be told from a supply's lag: below
-BAND_HZ it weakens fast changes as a supply does whose lag is the standard deviation of its window.
+BAND_HZ it weakens fast changes as a supply does whose lag is the standard deviation of its window, and the two differ
+in their phase by the third power of frequency times lag only.
 """
 
 from __future__ import annotations

@@ -11,10 +11,10 @@ from typing import Any, get_args
 import numpy as np
 import orjson
 import pyarrow as pa
-import pyarrow.parquet
 from numpy.typing import NDArray
 
 from acqd import __version__
+from acqd.dataset.arrow import UTC_NS, recording_table
 from acqd.dataset.column_check import judge_table
 from acqd.dataset.growing import write_new
 from acqd.dataset.log_check import SLOWEST_S
@@ -22,7 +22,7 @@ from acqd.dataset.manifest import load_manifest
 from acqd.dataset.merge import Recording
 from acqd.dataset.power import Measured
 from acqd.dataset.power_values import no_value_note, no_values
-from acqd.dataset.schema import TIME, UTC_NS, read_columns, recording_table, unit_of
+from acqd.dataset.schema import TIME, read_columns, unit_of
 from acqd.dataset.split import with_split
 from acqd.dataset.table_motion import require_power, trusted_motion, without_unusable
 from acqd.dataset.unaligned import clock_doubts, pair_of
@@ -109,8 +109,7 @@ def write_table(table: pa.Table, out: Path, robot: str, measured: Measured, seed
     def fill(folder: Path) -> None:
         (folder / "recordings").mkdir()
         for recording in recordings:
-            path = folder / "recordings" / f"{recording.name}.parquet"
-            pyarrow.parquet.write_table(recording.table(description.sliding), path)
+            recording.write(folder / "recordings", description.sliding)
 
     write_new(out, orjson.dumps(manifest, option=orjson.OPT_INDENT_2), fill)
     for recording, quality in zip(recordings, qualities, strict=True):

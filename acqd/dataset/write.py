@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import orjson
-import pyarrow.parquet
 
 from acqd import __version__
 from acqd.dataset.config import BuildConfig, BuildReport
@@ -86,9 +85,7 @@ def write_dataset(
     def fill(folder: Path) -> None:
         (folder / "recordings").mkdir()
         for recording in recordings:
-            pyarrow.parquet.write_table(
-                recording.table(robot.sliding), folder / "recordings" / f"{recording.name}.parquet"
-            )
+            recording.write(folder / "recordings", robot.sliding)
         write_report(folder)
 
     if before.manifest:

@@ -122,8 +122,11 @@ def saturated(x: Floats, cycle: int) -> bool:
     peak, short = float(np.abs(x).max()), max(1, cycle // _SHORT)
     change = np.abs(x[short:]) - np.abs(x[:-short])
     change[x[short:] * x[:-short] < 0] = 0.0  # through zero: neither a rise nor a collapse
-    fall = float(-change.min())
-    if fall < _COLLAPSE * peak or fall < _FASTER * float(change.max()):
+    falls = [float(-change[at : at + cycle].min(initial=0.0)) for at in range(0, size, cycle)]
+    if min(falls) < _COLLAPSE * peak:  # a load that has switched off, once
+        return False
+    fall = max(falls)
+    if fall < _FASTER * float(change.max()):
         return False
     after = int(change.argmin()) + 2 * short  # the collapse itself takes as long
     rest = np.abs(x[after : after + short])

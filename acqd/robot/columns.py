@@ -71,7 +71,10 @@ def judged(time: Floats, q: Floats, values: dict[str, Floats], robot: RobotDescr
             which = "every joint" if constant.all() else robot.joint[int(constant.argmax())].name
             unmeasured[name] = f"the {TITLES[name]} of {which}"
             continue
-        if name == "temperature":
+        empty = ~np.isfinite(of_joints).any(axis=0)
+        if len(of_joints) and empty.any():
+            fault = f"the {TITLES[name]} of {robot.joint[int(empty.argmax())].name} has no number in any row"
+        elif name == "temperature":
             fault = temperature_fault(of_joints)
         elif outages := _outages(time, q, of_joints, moves):
             fault = f"the {TITLES[name]} {outages}"

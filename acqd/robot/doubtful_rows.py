@@ -44,7 +44,8 @@ CLEARLY = 6.0
 _ALONG = 0.5
 """Distance across the path, over that along the path, at which a pose is off the path and not late on it."""
 _FAR_ROWS = 8.0
-"""Usual rows between the outer ones of four neighbours, beyond which they say nothing of the pose between them."""
+"""Usual rows between the outer ones of four neighbours, or between two, beyond which they say nothing of the poses
+between them."""
 _AROUND = 8
 """Rows before and after by which an arm arrives and leaves."""
 _AGAIN_ROWS = 20
@@ -147,7 +148,10 @@ def _repeated(time: Floats, x: Floats, step: Floats) -> tuple[Flags, Flags]:
     resolution = np.where(steps > 0, steps, np.inf).min(axis=0)
     finite = np.maximum(np.where(np.isfinite(resolution), resolution, 0.0), step)
     clear = (across > MOVING) & (steps > RESOLUTIONS * finite).any(axis=1)
-    held = np.diff(first) > 1
+    next_s = (
+        time[first[1:]] - time[first[1:] - 1]
+    )  # beyond a pause of the recorder, the arm may have left a rest slowly
+    held = (np.diff(first) > 1) & (next_s < _FAR_ROWS * float(np.median(np.diff(time))))
     ahead = _ahead(time, x, first) & held & clear & np.concatenate([[False], clear[:-1]])
     early[first[:-1][ahead]] = True
     caught_up = np.flatnonzero(clear & held & (across >= _CAUGHT_UP * around) & ~ahead)
@@ -277,6 +281,9 @@ def _not_at_their_time(time: Floats, x: Floats, row_s: float, written: float, *,
     old = _OLD if row_s < _COARSE_S else _OLD_COARSE
     jitter = CLEARLY * mad_sigma(age[judged], 0.0)
     noise = max(noise, written / np.sqrt(12))
+    # a slow joint whose angle is noisy, by its speed limit, needs more where it moves alone
+    of_axes = np.array([mad_sigma(column, 0.0) for column in off[judged].T])
+    noise = np.maximum(noise, np.linalg.norm(direction * of_axes, axis=1))
     limit = np.maximum(max(old * row_s, _LEAST_AGE_S, jitter), CLEARLY * noise / np.maximum(speed, MOVING))
     late = -age if newer else age
     bad = judged & (late > limit) & (np.abs(along) > old * row_s * fast) & (across < _ALONG * np.abs(along))

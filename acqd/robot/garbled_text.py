@@ -18,8 +18,11 @@ _MANY = 0.1
 """Share of the rows with such an angle."""
 
 
-def refusal(table: Table, q: Floats, faults: dict[int, str], robot: RobotDescription) -> str:
-    """Why a log with many garbled rows is refused: degrees, another robot, or damage."""
+def refusal(table: Table, q: Floats, faults: dict[int, str], robot: RobotDescription, recorded: Floats) -> str:
+    """Why a log with many garbled rows is refused: degrees, another robot, or damage.
+
+    `recorded` [T, axes]: angles as in the log; `q`: without jumps by whole turns.
+    """
     kinds = [text.split(" is ")[0] for text in faults.values()]
     usual = max(set(kinds), key=kinds.count)  # a line of units, say, is a fault, but not why a log is refused
     row = next(row for row, kind in zip(faults, kinds, strict=True) if kind == usual)
@@ -32,6 +35,14 @@ def refusal(table: Table, q: Floats, faults: dict[int, str], robot: RobotDescrip
     share = f" ({len(faults)} of {len(q)} rows are garbled)" if len(faults) > 1 else ""
     worst = np.abs(q).max(axis=0, initial=0.0, where=np.isfinite(q))
     beyond = np.flatnonzero(worst > limits(robot))
+    known = np.abs(recorded).max(axis=0, initial=0.0, where=np.isfinite(recorded))
+    turning = [axis for axis in beyond if known[axis] <= limits(robot)[axis]]
+    if turning and len(turning) == len(beyond):
+        name = robot.joint[turning[0]].name
+        return (
+            f"{name} turns on beyond its limits where its angle jumps by whole turns, to {worst[turning[0]]:.4g} rad: "
+            "if it has no stop, write limits_deg = [-360, 360] in the robot's description, which count as none"
+        )
     often = (np.abs(q) > _DEGREES).any(axis=1).mean() > _MANY  # damage makes few such rows
     if often and "no number" not in text and (np.radians(worst) <= limits(robot)).all():
         axis = int(beyond[0]) if len(beyond) else int(worst.argmax())

@@ -112,13 +112,18 @@ def more_axes(table: Table, robot: RobotDescription, layout: LogColumns) -> int:
     return count
 
 
+def _generic_names(robot: RobotDescription) -> str:
+    """Names of the columns of the generic header."""
+    return "time,q1" if robot.axes == 1 else f"time,q1..q{robot.axes}"
+
+
 def why_not(table: Table, robot: RobotDescription) -> str:
     """Why no layout of `robot` fits the table: a sentence for the user that quotes nothing of the file.
 
     The sidecar publishes this sentence, and a file in its folder may be of anybody.
     """
     if table.header is None:
-        return f"has no header and {table.values.shape[1]} columns; expected a header time,q1..q{robot.axes}"
+        return f"has no header and {table.values.shape[1]} columns; expected a header {_generic_names(robot)}"
     numbered: dict[str, set[int]] = {}
     for name in table.header:
         digits = re.fullmatch(r"(.*?)(\d{1,6})(\D*)", name)
@@ -143,9 +148,14 @@ def why_not(table: Table, robot: RobotDescription) -> str:
             f"names its columns otherwise: expected time, q1 .. q{robot.axes} (s, rad) in small letters, without "
             "units, blanks or underscores"
         )
-    expected = " or ".join([f"time,q1..q{robot.axes}", *patterns[:-1]])
+    expected = " or ".join([_generic_names(robot), *patterns[:-1]])
     own = next((count for numbers in numbered.values() if (count := len(numbers)) == robot.axes), 0)
-    named = f"; if {own} numbered columns of its first line are the angles, " if own else "; otherwise "
+    which = (
+        "the numbered column of its first line is the angle"
+        if own == 1
+        else f"{own} numbered columns of its first line are the angles"
+    )
+    named = f"; if {which}, " if own else "; otherwise "
     return (
         f"has none of the columns a log of {robot.name} has ({expected}){named}name them in a section [[log]] of the "
         'robot\'s description, as q = "joint_{1}", with angles = "deg" for degrees'

@@ -71,8 +71,10 @@ def steps_of(q: Floats) -> Floats:
 
 def common_step(changes: Floats) -> float:
     """The least of some changes [n] > 0 if the others are whole multiples of it; else 0."""
-    counts = changes / changes.min()
-    return float(changes.min()) if (np.abs(counts - np.rint(counts)) < _WHOLE).mean() > _WHOLE_SHARE else 0.0
+    with np.errstate(over="ignore", invalid="ignore"):  # the least change may be one of the arithmetic
+        counts = changes / changes.min()
+        whole = np.abs(counts - np.rint(counts)) < _WHOLE
+    return float(changes.min()) if whole.mean() > _WHOLE_SHARE else 0.0
 
 
 def _step(values: Floats) -> float:

@@ -12,8 +12,8 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from acqd.arrays import Floats
-from acqd.errors import InputError, UserError
-from acqd.extras import install_command
+from acqd.errors import InputError
+from acqd.extras import require
 from acqd.parquet_size import check_size
 from acqd.robot.labels import from_cells
 from acqd.robot.table_text import NO_ROWS, Table, joined, number_in, text_tables
@@ -96,12 +96,11 @@ def text_of(path: Path, file: BinaryIO) -> BinaryIO:
 
 def _read_parquet(path: Path, words: Collection[str]) -> Table:
     """Columns of numbers and of time stamps (as Unix seconds); NaN for a column of anything else."""
-    try:
-        import pyarrow
-        import pyarrow.parquet
-        import pyarrow.types
-    except ModuleNotFoundError:
-        raise UserError(f"{path}: Parquet needs pyarrow: {install_command('data')}") from None
+    require(f"{path}: Parquet", ("pyarrow",), "parquet")
+    import pyarrow
+    import pyarrow.parquet
+    import pyarrow.types
+
     try:
         # not read_table, which imports pyarrow.dataset
         with pyarrow.parquet.ParquetFile(path) as parquet:

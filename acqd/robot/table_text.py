@@ -35,7 +35,7 @@ _INVISIBLE = dict.fromkeys(map(ord, "\u200b\u2060\ufeff"))
 _OTHER_SIGNS = re.compile(r"[+\-\u2212]?[\d.]+(?:[eEdD][+\-\u2212]?\d+)?")
 _PLAIN_SIGNS = {ord("\u2212"): "-", ord("D"): "E", ord("d"): "e"}
 """The minus of typography, and Fortran's exponents of double precision."""
-_LIST = re.compile(r"[\[(]\s*[-+.\d]")
+_LIST = re.compile(r"(?<!\w)(?:array|tensor)?[\[(]\s*[-+.\d]")
 """The beginning of a list of numbers in a cell."""
 
 
@@ -87,7 +87,7 @@ def text_tables(path: Path, file: BinaryIO, words: Collection[str] = (), *, by_d
     """
     layout, rows = None, False
     try:
-        for numbered, ended in _blocks(path, file):
+        for numbered, ended in numbered_lines(path, file):
             if layout is None:
                 numbered = _without_titles(_without_comments(numbered))
                 layout = _Layout.of(numbered[0][1], words)
@@ -129,14 +129,16 @@ def _without_titles(numbered: list[tuple[int, str]]) -> list[tuple[int, str]]:
         numbered = numbered[1:] or numbered
     for skipped in range(min(_TITLES, len(numbered) - 2)):
         layouts = [_Layout.of(line) for _, line in numbered[skipped : skipped + 3]]
-        if layouts[1].width < 3 or layouts[0].width >= layouts[1].width:
+        head = layouts[1]
+        cells = len(split(numbered[skipped][1], head.separator)) if head.separator else layouts[0].width
+        if head.width < (2 if head.separator else 3) or cells >= head.width:
             continue
         if layouts[0].header is not None and layouts[1].header is not None and layouts[2].header is None:
             return numbered[skipped + 1 :] if layouts[1].width == layouts[2].width else numbered
     return numbered
 
 
-def _blocks(path: Path, file: BinaryIO) -> Iterator[tuple[list[tuple[int, str]], bool]]:
+def numbered_lines(path: Path, file: BinaryIO) -> Iterator[tuple[list[tuple[int, str]], bool]]:
     """Lines that are not blank with their numbers, in blocks, and whether the last line of a block has an end."""
     number, encoding = 1, "utf-8-sig"
     while block := file.read(_BLOCK_BYTES):

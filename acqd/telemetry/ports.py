@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import socket
 
 from acqd.errors import UserError
@@ -29,6 +30,10 @@ def check_port(host: str, port: int, of: str = "broker") -> None:
         try:
             probe.bind((host, port))
         except OSError as error:
+            if isinstance(error, socket.gaierror) or error.errno == errno.EADDRNOTAVAIL:
+                raise UserError(
+                    f"{of} {host}: this computer has no such address; expected 127.0.0.1, 0.0.0.0 or one of its own"
+                ) from None
             raise UserError(
                 f"{of} port {host}:{port} cannot be used ({error.strerror}): is another {of} running there? "
                 "Use that one, or choose another port"

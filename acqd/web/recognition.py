@@ -47,7 +47,7 @@ def readable_name(name: str) -> str:
 def _beginning(path: Path) -> Table:
     """The first rows of a table, of Parquet the names of the columns. Raises UserError, OSError, ValueError."""
     if path.suffix == ".parquet":
-        require("Parquet", ("pyarrow",), "data")
+        require("Parquet", ("pyarrow",), "parquet")
         import pyarrow.parquet
 
         names = pyarrow.parquet.read_schema(path).names

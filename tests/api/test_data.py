@@ -151,8 +151,10 @@ def test_axes_in_another_order_are_refused_in_tables_and_by_the_estimator(folder
         PowerRegressor(robot="ur10e").fit(turned[angles], turned["P"], groups=turned["recording"])
 
 
-def test_rows_of_a_database_need_no_pyarrow(tmp_path):
+def test_rows_of_a_database_or_a_text_need_no_library(tmp_path):
     """In a process of its own: this one has imported everything."""
+    (tmp_path / "rows.csv").write_text("time,P\n1.7e9,1\n1700000001,2\n1700000002,1\n1700000003,3\n")
+    (tmp_path / "rows.parquet").touch()
     rows = "INSERT INTO power VALUES ('a', 'L1', 'b', ?, '2026-01-01T00:00:00Z', ?, 230, 1, ?, 0, 1, 50, 0, '[]', 1)"
     code = f"""
 import sqlite3, sys
@@ -164,12 +166,12 @@ file = {str(tmp_path / "rows.sqlite")!r}
 open_database(file).dispose()
 with sqlite3.connect(file) as database:
     database.executemany({rows!r}, [(k, 133480224000000000 + 400000 * k, 100 + k) for k in range(5)])
-print(len(acqd.read_rows(file)))
+print(len(acqd.read_rows(file)), len(acqd.read_rows({str(tmp_path / "rows.csv")!r})))
 try:
-    acqd.read_rows("power.csv")
+    acqd.read_rows({str(tmp_path / "rows.parquet")!r})
 except acqd.UserError as error:
     print(error)
 """
     done = subprocess.run([sys.executable, "-P", "-c", code], capture_output=True, text=True, check=False)
-    asked = f"read_rows of a file needs pyarrow: {install_command('rows')}"
-    assert done.stdout.splitlines() == ["5", asked], done.stderr
+    asked = f"{tmp_path / 'rows.parquet'}: Parquet needs pyarrow: {install_command('parquet')}"
+    assert done.stdout.splitlines() == ["5 4", asked], done.stderr

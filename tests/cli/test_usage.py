@@ -25,6 +25,7 @@ MISTAKES = {
     ("replay", "--mode", "square", "x.npz"): "replay: --mode: 'square': expected 'synchronous', 'fixed'; see acqd rep",
     ("archive", "verify", "--config"): "archive verify: --config: expected an argument after the option; see acqd a",
     ("train",): "train: missing argument 'DS'; see acqd train --help",
+    ("completeness",): "no such command 'completeness' (did you mean 'acqd sink completeness'?); see acqd --help",
     ("archive", "nosuch"): "archive: no such command 'nosuch'; see acqd archive --help",
     ("energi",): "no such command 'energi' (did you mean 'energy'",
 }

@@ -1,12 +1,13 @@
 """Building a dataset, from good and from broken input."""
 
 import numpy as np
+import orjson
 import pyarrow.parquet
 import pytest
 
 from acqd.dataset.build import BuildConfig, build
 from acqd.dataset.manifest import load_manifest
-from acqd.dataset.schema import columns_of
+from acqd.dataset.schema import read_columns
 from acqd.robot import load_description
 from acqd.robot.log_reader import read_log
 from tests.campaigns import quiet, write_power
@@ -16,10 +17,9 @@ def test_merged_power_is_where_the_motion_is(campaign, dataset):
     robot = load_description(campaign[0].settings.robot)
     for path in sorted((dataset[0] / "recordings").glob("*.parquet")):
         table = pyarrow.parquet.read_table(path)
-        assert {n: (table.schema.field(n).metadata or {}).get(b"unit") for n in ("P", "q1", "valid")} == {
-            "P": b"W", "q1": b"rad", "valid": None,
-        }  # fmt: skip
-        step = np.diff(columns_of(table)["time_ns"])
+        units = orjson.loads(table.schema.metadata[b"units"])
+        assert {name: units.get(name) for name in ("P", "q1", "valid")} == {"P": "W", "q1": "rad", "valid": None}
+        step = np.diff(read_columns(path)["time_ns"])
         assert (step == 40_000_000).all()
         q = np.column_stack([table[f"q{k + 1}"].to_numpy() for k in range(robot.axes)])
         speed = np.abs(np.gradient(q, 0.04, axis=0)).sum(axis=1)

@@ -76,7 +76,7 @@ def test_another_robot_step_or_power_is_refused(grown, tmp_path):
     assert content(ds) == files
 
 
-@pytest.mark.parametrize("broken", ["write_complete", "pyarrow.parquet.write_table"])
+@pytest.mark.parametrize("broken", ["write_complete", "acqd.dataset.schema.write_parquet"])
 def test_nothing_is_left_when_it_cannot_be_written(grown, monkeypatch, broken):
     logs, ds = grown
     files = content(ds)

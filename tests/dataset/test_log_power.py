@@ -1,11 +1,10 @@
 """Power that the log itself holds."""
 
 import numpy as np
-import pyarrow.parquet
 import pytest
 
 from acqd.dataset.manifest import load_manifest
-from acqd.dataset.schema import columns_of
+from acqd.dataset.schema import read_columns
 from acqd.errors import UserError
 from acqd.robot import load_description
 from acqd.robot.log_reader import read_log
@@ -21,10 +20,10 @@ def test_a_real_log_with_its_power_needs_no_alignment(tmp_path):
     assert any("with one clock: nothing was aligned" in note for note in report.notes)
     entry = load_manifest(tmp_path / "ds")["recordings"][0]
     assert entry["lag_s"] == 0 and entry["valid_s"] > 24.8
-    table = pyarrow.parquet.read_table(tmp_path / "ds" / entry["file"])
+    table = read_columns(tmp_path / "ds" / entry["file"])
     log = read_log(file, load_description("ur3e"))
-    own = np.interp(columns_of(table)["time_ns"] * 1e-9, log.time, log.power)
-    np.testing.assert_allclose(table["P"].to_numpy(), own, atol=0.05)  # the row is at the time of its sample
+    own = np.interp(table["time_ns"] * 1e-9, log.time, log.power)
+    np.testing.assert_allclose(table["P"], own, atol=0.05)  # the row is at the time of its sample
 
 
 @pytest.mark.parametrize("step", [1, 3])
@@ -32,9 +31,9 @@ def test_faster_and_slower_power_is_where_the_motion_is(tmp_path, step):
     time, q, power = motion(20)
     write_log(tmp_path / "logs" / "a.csv", time[::step], q[::step], power[::step])
     build_from(tmp_path / "logs", tmp_path / "ds", cut_s=0)
-    table = pyarrow.parquet.read_table(tmp_path / "ds" / "recordings" / "a.parquet")
-    expected = np.interp(columns_of(table)["time_ns"] * 1e-9, time, power)
-    assert np.corrcoef(table["P"].to_numpy()[5:-5], expected[5:-5])[0, 1] > 0.995
+    table = read_columns(tmp_path / "ds" / "recordings" / "a.parquet")
+    expected = np.interp(table["time_ns"] * 1e-9, time, power)
+    assert np.corrcoef(table["P"][5:-5], expected[5:-5])[0, 1] > 0.995
 
 
 def test_logs_without_power_are_named(tmp_path):
@@ -59,9 +58,9 @@ def test_a_known_lag_of_the_motion_counts_in_one_log_too(tmp_path):
         write_log(tmp_path / name / "a.csv", time, angles, power)
     build_from(tmp_path / "whole", tmp_path / "ds", cut_s=0)
     report = build_from(tmp_path / "late", tmp_path / "shifted", cut_s=0, lag_s=0.2)
-    tables = [pyarrow.parquet.read_table(tmp_path / ds / "recordings" / "a.parquet") for ds in ("ds", "shifted")]
-    rows = np.intersect1d(*(columns_of(table)["time_ns"] for table in tables))[50:-50]
+    tables = [read_columns(tmp_path / ds / "recordings" / "a.parquet") for ds in ("ds", "shifted")]
+    rows = np.intersect1d(*(table["time_ns"] for table in tables))[50:-50]
     assert len(rows) > 300
-    angles = [table["q1"].to_numpy()[np.isin(columns_of(table)["time_ns"], rows)] for table in tables]
+    angles = [table["q1"][np.isin(table["time_ns"], rows)] for table in tables]
     np.testing.assert_allclose(angles[0], angles[1], atol=0.01 * np.ptp(angles[0]))
     assert not any("nothing was aligned" in note for note in report.notes)

@@ -65,6 +65,11 @@ def test_a_saturated_transformer_is_named(primary):
     assert flags_of(np.column_stack([WAVE[at], linear[at] + noise]), 100) == frozenset()
 
 
+@pytest.mark.parametrize("at", [110, 230, 330, 510])
+def test_a_load_that_is_switched_off_within_a_half_wave_is_no_saturated_transformer(at):
+    assert flags(SINE, np.where(np.arange(800) < at, np.cos(A - 0.8), 0.0)) == frozenset()
+
+
 LOADS = {
     "phase-fired": SINE * (np.mod(A, np.pi) > 1.2), "half-wave": np.maximum(SINE, 0), "direct": np.full(800, 4.2),
     "rectifier": np.where(np.abs(SINE) > 0.85, np.sign(SINE) * (np.abs(SINE) - 0.85), 0.0),

@@ -35,6 +35,13 @@ def test_torques_that_were_not_measured_in_some_rows_are_not_used(tau, line):
     assert judged(T, Q, {"tau": tau}, ROBOT).unusable["tau"].startswith(line)
 
 
+def test_a_joint_without_any_number_is_said():
+    current = np.where(np.arange(6) == 2, np.nan, TAU)
+    assert judged(T, Q, {"current": current}, ROBOT).unusable == {
+        "current": "the current of elbow has no number in any row"
+    }
+
+
 def test_torques_of_a_drivers_arithmetic_are_not_measured():
     found = judged(T, Q, {"tau": 1e-12 * TAU}, ROBOT)
     assert found.unmeasured == {"tau": "the torque of every joint"} and found.gone == {"tau"}

@@ -151,3 +151,21 @@ def test_a_quantity_of_zeros_while_the_arm_moves_is_not_measured(tmp_path, name)
     log = read_log(tmp_path / "log.csv", ROBOT)
     assert getattr(log, name) is None
     assert "of every joint never changes while the arm moves" in log.quality.sentences()[0]
+
+
+def test_a_pause_of_the_recorder_after_a_rest_repeats_no_pose():
+    """While nothing was written, the arm has left its rest."""
+    t = np.arange(0, 5, 0.01)
+    share = np.clip(t - np.array([[0.9], [2.1]]), 0, 1)
+    q = (10 * share**3 - 15 * share**4 + 6 * share**5).sum(axis=0)[:, None] * np.linspace(0.5, 1.0, 6)
+    kept = (t < 2.105) | (t > 2.9)
+    assert not doubtful_rows(t[kept], q[kept], ROBOT.speed).any.any()
+
+
+def test_a_slow_axis_with_more_noise_than_the_others_holds_no_old_poses():
+    """The column of a SCARA: by its speed limit, its angle is noisier, and shows where it moves alone."""
+    t = np.arange(0, 30, 0.004)
+    both = t % 10 < 8
+    turns, column = np.where(both, 1 - np.cos(np.pi * t), 0.0), np.where(both, 0.0, 0.05 * (1 - np.cos(np.pi * t)))
+    q = np.column_stack([turns, 0.8 * turns, column]) + np.random.default_rng(3).normal(0, 3e-5, (len(t), 3))
+    assert doubtful_rows(t, q, np.array([5.0, 7.0, 1.0])).any.sum() <= 2

@@ -76,6 +76,15 @@ def test_a_layout_says_that_its_angles_are_degrees(tmp_path):
     np.testing.assert_allclose(log.qd[:, 3], np.radians(60 * np.cos(T)), atol=1e-6)
 
 
+def test_a_joint_with_limits_that_turns_on_needs_the_limits_of_none(tmp_path):
+    path = tmp_path / "log.csv"
+    wrapped = (2.5 * T + np.pi) % (2 * np.pi) - np.pi
+    rows = (f"{t:.2f},0,0,{angle:.5f},0,0,0\n" for t, angle in zip(T, wrapped, strict=True))
+    path.write_text(HEADER + "".join(rows))
+    with pytest.raises(InputError, match=r"elbow turns on beyond its limits .* write limits_deg = \[-360, 360\]"):
+        read_log(path, ROBOT)
+
+
 def test_axes_that_the_robot_does_not_have_are_said(tmp_path):
     path = tmp_path / "log.csv"
     path.write_text(HEADER.replace("q6", "q6,q7") + ROWS.replace("\n", ",0.6\n"))
@@ -122,6 +131,8 @@ def test_urdfs_of_other_tools_are_read(tmp_path, content):
         ("version https://git-lfs.github.com/spec/v1", "git lfs pull"),
         ("<!DOCTYPE html><html></html>", "is a web page"),
         ("<sdf version='1.7'/>", "sdf2urdf"),
+        (urdf().replace("<mass", "<mass value='9'/><mass", 1), "more than one <mass>"),
+        (urdf().replace("<limit", "<limit lower='0' upper='1'/><limit", 1), "more than one <limit>"),
     ],
 )
 def test_what_is_no_urdf_is_refused_with_the_remedy(tmp_path, content, remedy):

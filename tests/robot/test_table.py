@@ -37,6 +37,12 @@ def test_decimal_commas_are_read_where_other_marks_separate(tmp_path_factory, se
     np.testing.assert_array_equal(table.values, rows)
 
 
+@pytest.mark.parametrize("title", ["Table", "Dziennik ramienia - 2026"])
+def test_a_title_before_two_columns_is_no_header(tmp_path, title):
+    table = table_of(tmp_path, f"{title}\ntime,q1\n1,2\n3,4\n")
+    assert table.header == ["time", "q1"] and len(table.values) == 2
+
+
 def test_decimal_commas_between_commas_are_refused(tmp_path):
     with pytest.raises(InputError, match="row 2 has 4 columns, the first line 2; are commas decimal marks and sep"):
         table_of(tmp_path, "a,b\n0,1,0,2\n")

@@ -43,7 +43,7 @@ def causes(
     Example: acqd energy causes ds.models/grey-box-everything-s1 ds --tariff tariff.toml --html causes.html
     """
     check_outputs("acqd energy causes", csv, html)
-    require("acqd energy causes", ("pyarrow", "safetensors", "scipy"), "data,predict")
+    require("acqd energy causes", ("safetensors", "scipy"), "data,predict")
     from acqd.balance.balance import balance_of
     from acqd.balance.labels import labels_of, prices_of
     from acqd.balance.rows import require_energy, rows_of

@@ -37,7 +37,7 @@ def work(
     Example: acqd energy work ds --html cycles.html
     """
     check_outputs("acqd energy work", csv, html)
-    require("acqd energy work", ("pyarrow", "scipy"), "data")
+    require("acqd energy work", ("scipy",), "data")
     from acqd.models.segments import load_dataset
     from acqd.robot.log_layout import LABELS
     from acqd.work.joined import joined

@@ -27,7 +27,7 @@ def compare(
 
     Example: acqd compare ds --out report.html
     """
-    require("acqd compare", ("jinja2", "matplotlib", "pyarrow", "safetensors", "scipy"), "data,predict")
+    require("acqd compare", ("jinja2", "matplotlib", "safetensors", "scipy"), "data,predict")
     from acqd.models.compare.evaluate import compare as run
     from acqd.models.compare.report import as_json, write_report
     from acqd.models.segments import load_dataset

@@ -97,7 +97,7 @@ def train(
 
     acqd train ds --table-7-1
     """
-    require("acqd train", ("pyarrow", "safetensors", "scipy"), "data,predict")
+    require("acqd train", ("safetensors", "scipy"), "data,predict")
     if (network is None) != table_7_1:
         raise UserError(
             "which model? --network grey-box learns from minutes of recordings; --table-7-1: all networks of the thesis"

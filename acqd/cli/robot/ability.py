@@ -9,6 +9,7 @@ import orjson
 import typer
 from rich.console import Console
 
+from acqd.atomic import require_writable
 from acqd.cli.folded_table import Table
 from acqd.cli.options import Json
 from acqd.cli.progress import progress
@@ -43,6 +44,8 @@ def ability(
     from acqd.discrepancy.ability.ability import table_of
     from acqd.discrepancy.beforehand import beforehand
 
+    if html is not None:
+        require_writable(html)
     with progress(Console(stderr=True)) as shown:
         planned = beforehand(model, motion, minutes, shown)
     if html is not None:

@@ -11,7 +11,7 @@ from typing import Any, TextIO
 import orjson
 import sqlalchemy as sa
 
-from acqd.atomic import naming
+from acqd.atomic import naming, require_writable
 from acqd.errors import InputError, OperationError, UserError
 from acqd.lab.campaign.folders import Folders
 from acqd.lab.cell import device_name
@@ -38,9 +38,10 @@ def claimed(folders: Folders, settings: CampaignSettings) -> Iterator[None]:
         yield
 
 
-def _lock_file(folders: Folders, settings: CampaignSettings) -> TextIO:
-    """Create the folders, or check that they hold a campaign with the same settings."""
+def require_usable(folders: Folders, settings: CampaignSettings) -> bool:
+    """Whether the folders hold a campaign with these settings already. Raises UserError where they hold others."""
     requested = settings.model_dump(mode="json")
+    require_writable(folders.out)
     path = folders.truth / "settings.json"
     try:
         stored = orjson.loads(path.read_bytes()) if path.exists() else None
@@ -52,14 +53,24 @@ def _lock_file(folders: Folders, settings: CampaignSettings) -> TextIO:
                 f"{folders.out} holds a campaign with other settings ({', '.join(differing)}); "
                 "choose another --out, or remove it and its truth folder"
             )
-        folders.out.mkdir(parents=True, exist_ok=True)
-        folders.truth.mkdir(parents=True, exist_ok=True)
-        if stored is None:
-            with naming(path):
-                path.write_bytes(orjson.dumps(requested, option=orjson.OPT_INDENT_2))
-        return (folders.truth / "lock").open("w")
+        return stored is not None
     except (orjson.JSONDecodeError, AttributeError, TypeError):
         raise InputError(path, "is damaged; remove the campaign and its truth folder, and run it again") from None
+    except OSError as error:
+        raise UserError(f"{error.filename}: {error.strerror}; choose another --out") from None
+
+
+def _lock_file(folders: Folders, settings: CampaignSettings) -> TextIO:
+    """Create the folders, or check that they hold a campaign with the same settings."""
+    known = require_usable(folders, settings)
+    path = folders.truth / "settings.json"
+    try:
+        folders.out.mkdir(parents=True, exist_ok=True)
+        folders.truth.mkdir(parents=True, exist_ok=True)
+        if not known:
+            with naming(path):
+                path.write_bytes(orjson.dumps(settings.model_dump(mode="json"), option=orjson.OPT_INDENT_2))
+        return (folders.truth / "lock").open("w")
     except OSError as error:
         raise UserError(f"{error.filename}: {error.strerror}; choose another --out") from None
 

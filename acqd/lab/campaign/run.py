@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Literal, TypeAlias
 
 from acqd.errors import UserError
-from acqd.lab.campaign.bookkeeping import SessionReport, claimed, finished_report, ingest, session_logs
+from acqd.lab.campaign.bookkeeping import SessionReport, claimed, finished_report, ingest, require_usable, session_logs
 from acqd.lab.campaign.folders import Folders
 from acqd.lab.campaign.manifest import write_manifest, write_truth
 from acqd.lab.campaign.run_session import run_session
@@ -49,6 +49,7 @@ def run_campaign(config: CampaignConfig, progress: Progress) -> CampaignReport:
     folders = Folders(config.out, config.truth)
     plans = plan_sessions(settings)
     _check(folders, settings, plans)
+    require_usable(folders, settings)
     progress("preparing", 0.0)
     prepared = _prepare(settings, folders, progress)  # before anything is written, so that bad input leaves no files
     with claimed(folders, settings):

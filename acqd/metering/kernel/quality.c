@@ -140,24 +140,52 @@ void acqd_look(const void *codes, int64_t bits, int64_t channels, int64_t sample
         look(codes, 32, channels, samples, cycle, out);
 }
 
+/* Smallest and largest of codes [samples][channels] of each channel, and how many samples are the one or the other
+   where they differ, else how many there are: out [3][channels]. */
+INLINE void extremes(const void *codes, const int64_t bits, int64_t channels, int64_t samples, double *out)
+{
+    for (int64_t first = 0; first < channels; first += NATIVE) {
+        native low = row_of(codes, bits, channels, samples, 0, first), high = low;
+        native_mask count = {0};
+        for (int64_t n = 1; n < samples; n++) {
+            const native x = row_of(codes, bits, channels, samples, n, first);
+            low = native_smaller(low, x);
+            high = native_larger(high, x);
+        }
+        for (int64_t n = 0; n < samples; n++) {
+            const native x = row_of(codes, bits, channels, samples, n, first);
+            count -= (native_mask)(x == low) | (native_mask)(x == high);
+        }
+        for (int64_t lane = 0; lane < NATIVE && first + lane < channels; lane++) {
+            out[first + lane] = low[lane];
+            out[channels + first + lane] = high[lane];
+            out[2 * channels + first + lane] = (double)count[lane];
+        }
+    }
+}
+
 /* How many of the `blocks` of codes, cut at the positions edges [blocks + 1], are no reason for a look (look.py): each
    begins before `due`, is shorter than three cycles, and has no channel with more samples at its extremes than most
    [channels], or near both ends of 16 bits. usual: times the share of a block that is no reason, what is left of that
-   after the next, samples that are no reason, the end. out [9][channels] is scratch. */
+   after the next, samples that are no reason, the end. out [3][channels] is scratch. */
 int64_t acqd_calm(const void *codes, int64_t bits, int64_t channels, int64_t blocks, const int64_t *edges,
                   int64_t cycle, int64_t due, const double *usual, double *most, double *out)
 {
-    const double *low = out, *high = out + channels, *at_low = out + 3 * channels, *at_high = out + 4 * channels;
+    const double *low = out, *high = out + channels, *at_ends = out + 2 * channels;
     for (int64_t k = 0; k < blocks; k++) {
         const int64_t samples = edges[k + 1] - edges[k];
         if (samples < cycle)
             continue;
         if (edges[k] >= due || samples >= 3 * cycle)
             return k;
-        acqd_look((const char *)codes + edges[k] * channels * (bits / 8), bits, channels, samples, cycle, out);
+        const char *block = (const char *)codes + edges[k] * channels * (bits / 8);
+        if (bits == 16)
+            extremes(block, 16, channels, samples, out);
+        else
+            extremes(block, 32, channels, samples, out);
         double share[LANES];
         for (int64_t c = 0; c < channels; c++) {
-            share[c] = (low[c] < high[c] ? at_low[c] + at_high[c] : at_low[c]) / (double)samples;
+            share[c] = at_ends[c] / (double)samples;
             if (share[c] > most[c] + usual[2] / (double)samples || (high[c] > usual[3] && low[c] < -usual[3]))
                 return k;
         }

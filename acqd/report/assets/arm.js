@@ -119,6 +119,8 @@ const acqdArm = (() => {
       this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
       this.renderer.setSize(width, height, false);
       this.camera.aspect = width / height;
+      // a narrow view opens wider, so that an arm stretched out to a side stays in it
+      this.camera.fov = 360 / Math.PI * Math.atan(Math.tan(35 * Math.PI / 360) * Math.max(1, 1.7 / this.camera.aspect));
       this.camera.updateProjectionMatrix();
       this.draw();
     }

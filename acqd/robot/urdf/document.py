@@ -138,9 +138,7 @@ class _Reader:
 
     def link(self, element: Element) -> UrdfLink:
         name = self._name(element)
-        if len(element.findall("inertial")) > 1:
-            raise InputError(self.path, f"link {name!r} has more than one <inertial>; a body has one mass: merge them")
-        inertial = element.find("inertial")
+        inertial = self._only(element, "inertial", name)
         shapes = [self._shape(each, name) for each in element.findall("collision")]
         return UrdfLink(
             name, None if inertial is None else self._inertial(inertial, name), tuple(s for s in shapes if s)
@@ -152,8 +150,9 @@ class _Reader:
             raise InputError(
                 self.path, f"joint {name!r} has type {kind!r}; expected one of {', '.join(get_args(Kind))}"
             )
-        limit, dynamics, mimic = element.find("limit"), element.find("dynamics"), element.find("mimic")
-        axis = element.find("axis")
+        limit, dynamics, mimic, axis = (
+            self._only(element, tag, name) for tag in ("limit", "dynamics", "mimic", "axis")
+        )
         direction: Triple = (1.0, 0.0, 0.0) if axis is None else self._triple(axis, "xyz", name, (1.0, 0.0, 0.0))
         if kind not in ("fixed", "floating") and not any(direction):
             raise InputError(self.path, f"joint {name!r}: axis 0 0 0 has no direction")
@@ -177,12 +176,12 @@ class _Reader:
         )
 
     def _inertial(self, element: Element, name: str) -> Inertial | None:
-        mass = self._number(element.find("mass"), "value", name)
+        mass = self._number(self._only(element, "mass", name), "value", name)
         if mass is None or mass == 0.0:
             return None
         if mass < 0.0:
             raise InputError(self.path, f"{name!r}: mass {mass:g} kg is negative")
-        tensor = element.find("inertia")
+        tensor = self._only(element, "inertia", name)
         xx, yy, zz, xy, xz, yz = (
             self._number(tensor, key, name) or 0.0 for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
         )
@@ -201,6 +200,14 @@ class _Reader:
         kind = body.tag if body.tag in ("box", "cylinder", "capsule", "sphere") and size[0] > 0 else "mesh"
         return Shape(kind, size, self._origin(element, name))
 
+    def _only(self, element: Element, tag: str, name: str) -> Element | None:
+        """The one element of a kind; parsers of URDF differ in which of several they take."""
+        found = element.findall(tag)
+        if len(found) > 1:
+            remedy = "a body has one mass: merge them" if tag == "inertial" else "expected one: remove the others"
+            raise InputError(self.path, f"{name!r} has more than one <{tag}>; {remedy}")
+        return found[0] if found else None
+
     def _name(self, element: Element) -> str:
         name = element.get("name")
         if not name:
@@ -208,14 +215,14 @@ class _Reader:
         return name
 
     def _end(self, element: Element, tag: str, name: str) -> str:
-        end = element.find(tag)
+        end = self._only(element, tag, name)
         link = None if end is None else end.get("link")
         if not link:
             raise InputError(self.path, f"joint {name!r} has no <{tag} link=...>")
         return link
 
     def _origin(self, element: Element, name: str) -> Origin:
-        origin = element.find("origin")
+        origin = self._only(element, "origin", name)
         if origin is None:
             return Origin()
         rpy = self._triple(origin, "rpy", name, ZERO)

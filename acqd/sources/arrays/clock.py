@@ -15,7 +15,7 @@ from acqd.arrays import Floats
 from acqd.errors import InputError
 from acqd.sources.arrays.contents import Signal, key_of, values_of
 from acqd.sources.recording.channel import Recording
-from acqd.sources.recording.clock import of_times
+from acqd.sources.recording.clock import of_times, unix_s
 from acqd.sources.recording.siblings import skew
 from acqd.sources.recording.units import UnknownUnitError, split_label, unit_of
 from acqd.sources.waveform import LATEST_NS, ChannelMap
@@ -28,8 +28,6 @@ _DATES = {"start_utc_ns"}
 _STARTS = {"t0", "tstart", "tzero", "start", "starttime", "timestart", "xzero", "xstart", "timeoffset"}
 """Time of the first sample of one array [s]."""
 _SAME_RATE = 1e-3
-_UNIX = ((1e17, 1e-9), (1e14, 1e-6), (1e11, 1e-3))
-"""Numbers from which on a start without a unit is a Unix time in ns, us, ms, and s per number."""
 
 
 def set_clock(
@@ -121,8 +119,7 @@ def _begin(signal: Signal, axes: dict[str, _Begin], numbers: dict[str, float]) -
     for label, value in numbers.items():
         name, unit = split_label(label.rpartition("/")[2])
         if key_of(name) in _STARTS and _owner(label) and f"{signal.name}/".startswith(f"{_owner(label)}/"):
-            since_1970 = next((factor for least, factor in _UNIX if abs(value) > least), 1.0)
-            return _Begin(label, value * (_step_unit(unit) if unit else since_1970), "number")
+            return _Begin(label, value * (_step_unit(unit) if unit else unix_s(value)), "number")
     return None
 
 

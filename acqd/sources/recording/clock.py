@@ -16,6 +16,8 @@ _JITTER = 0.01  # of one period: a larger deviation is not an equidistant record
 _COARSE = 1e-4  # resolution of the times over their span: beyond it they do not tell the rate
 _EARLIEST_S = 946_684_800.0  # 2000-01-01: a time column before it counts from something else than 1970
 _DAY_S = 86_400.0
+_UNIX = ((1e17, 1e-9), (1e14, 1e-6), (1e11, 1e-3))
+"""Numbers from which on a Unix time without a unit is in ns, us, ms, and s per number: in s they lie beyond 5000."""
 _SINCE_1970_S = 1e8  # a first time below it is no date; a longer pause is a clock that was set meanwhile
 _PAUSE = 1.5  # steps between two rows, from which on samples are missing there
 _ROWS = 50  # rows per pause, at least: what pauses more often is no waveform
@@ -30,6 +32,11 @@ class Clock:
     notes: tuple[str, ...] = ()
     breaks: tuple[tuple[int, int], ...] = ()
     """Sample before which samples are missing, and how many."""
+
+
+def unix_s(number: float) -> float:
+    """Seconds per unit of a time without a unit, by its size."""
+    return next((factor for least, factor in _UNIX if abs(number) > least), 1.0)
 
 
 def of_times(path: Path, times: Floats, quantum: float, given: ChannelMap, first_row: int) -> Clock:

@@ -128,6 +128,13 @@ def says_a_quantity_alone(name: str) -> bool:
     return len(core) == 1 and core[0] in _QUANTITY
 
 
+def says_to_neutral(name: str) -> bool:
+    """Whether the name of a voltage says to neutral or earth: `V1N`, `Van`, `U_RN`, `UL1-N`, `uL1E`."""
+    return any(
+        word == "n" or re.fullmatch(r"\d*[uv]?(?:l|ph)?[abcrstyuvw123][neg]", word) for word in _words(_latin(name))
+    )
+
+
 def phase_field(text: str, machine: bool = False) -> list[Reading]:
     """Meanings of the field of the phase in COMTRADE: `A`, `L1-N`, `AB`, `N`, `3`; some recorders write `I1`.
 
@@ -173,7 +180,8 @@ def _special(words: list[str], quantity: Letter) -> Reading | None:
         return Reading("other")  # D0 .. D15: digital inputs of an oscilloscope
     if any(re.fullmatch(r"3[uvi][0o]?", word) for word in words):
         return Reading("residual", kind)
-    residual = [word for word in words if _RESIDUAL.match(word)]
+    volts = kind == "u" and "i" not in words
+    residual = [word for word in words if _RESIDUAL.match(word) and not (volts and word == "in")]  # V(in): an input
     phases = [word for word in words if word not in residual and word not in _FILLER and _single(word)]
     if any(len(word) > 1 and word[0] == "i" for word in residual):  # IN-1: of feeder 1
         phases = [word for word in phases if not word.isdigit()]

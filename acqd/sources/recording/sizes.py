@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acqd.metering.block import Codes
+from acqd.sources.recording.label import says_to_neutral
 from acqd.sources.recording.neutral_or_lines import Compared, compare
 
 _DEAD_V, _DEAD_A = 10.0, 1e-6
@@ -71,7 +72,7 @@ def hints(
             f"{', '.join(names[0::2])}: {volts.mean():.4g} V, as behind voltage transformers of 100 to 120 V; are "
             "these values secondary, without a ratio (--u-scale, --i-scale)?"
         )
-    if roles_by_name and len(names) == 6 and rms.max() <= _MOST_V:
+    if roles_by_name and len(names) == 6 and rms.max() <= _MOST_V and not all(map(says_to_neutral, names[0::2])):
         found += _line_voltages(channels, compare(codes, scale, *clock))
     return found
 
@@ -85,7 +86,7 @@ def _line_voltages(channels: Sequence[tuple[int, str]], compared: Compared | Non
     high = size > 2e3 and as_lines <= _NEAR and as_phases >= _TWICE * as_lines
     if not high and not any(low < size < top for low, top in _LOW_V):
         return []
-    names, k = ", ".join(name for _, name in channels[0::2]), [number for number, _ in channels]
+    names, k = ", ".join(name or str(number) for number, name in channels[0::2]), [number for number, _ in channels]
     lines = f"u12={k[0]},u23={k[2]},u31={k[4]},i1={k[1]},i2={k[3]},i3={k[5]}"
     phases = ",".join(f"{key}={number}" for key, number in zip(("u1", "i1", "u2", "i2", "u3", "i3"), k, strict=True))
     return [

@@ -134,7 +134,7 @@ def split_label(label: str, labels: Iterable[str] = ()) -> tuple[str, str]:
         return text, factor  # no unit, so it is refused: the numbers may be multiplied already, or not
     if found and found.group(2):
         inner = found.group(2)
-        if _is_unit(inner) or _looks_like_unit(inner):
+        if _is_unit(inner) or (_looks_like_unit(inner) and not _of_spice(text, labels)):
             return found.group(1).strip() or text, inner
         return text, ""
     if alone := _unit_alone(text):
@@ -196,6 +196,18 @@ def _is_unit(text: str) -> bool:
     return unit is not None and (unit.quantity != "" or text.lower() in _OTHER_TAILS)
 
 
+_NODE = re.compile(
+    r"[VI]\((?!.*(?:[va]|volts?|amp\w*|rms|pu|raw|counts?|codes?|digits?|lsb)\))[a-z_][\w.:#,]*\)", re.IGNORECASE
+)
+"""`V(l1,n)` of two nodes, `I(Rload)` of a device, as SPICE writes them; `V(dBV)` is a unit."""
+
+
+def _of_spice(label: str, labels: Iterable[str]) -> bool:
+    """Whether brackets hold nodes and devices: all columns beside the time have them, and each its own."""
+    others = [one for one in labels if one.strip().lower() not in TIME_NAMES]
+    return label in others and len(set(others)) == len(others) > 1 and all(map(_NODE.fullmatch, others))
+
+
 def _looks_like_unit(text: str) -> bool:
     """A text in brackets that stands for a unit, known or not: `[bar]`, `[pu]`, `[Gauss]`; `(L1)`, `(CT 2)` do not."""
     if re.fullmatch(r"[*x×]\s?[\d.,]+|[\d.,]+\s?[*x×]", text):
@@ -204,6 +216,8 @@ def _looks_like_unit(text: str) -> bool:
         return True  # a scale beside a unit, `x100 V`, `V/10`: the reader refuses it
     if "%" in text:
         return True
+    if re.search(r"(?i)[va]\b.*(@|\bohms?\b|Ω|\bshunt\b)", text):
+        return True  # of a resistor: `V @ 0.1 Ohm`
     if re.search(r"\s|\d$", text):
         return False
     return re.fullmatch(r"(?i)[lnabcrst]|[a-c][a-cn]|[cvpt][tc]|ph.*|ch.*|rms.*|ac|dc|raw", text) is None

@@ -148,7 +148,7 @@ def _value(table: Table, keys: tuple[str, ...]) -> str:
     for key in keys:
         for value in table.preamble.get(key_of(key), ()):
             if value:
-                return re.sub(r"^[A-Za-z]+:\s*(?=[\d.+-])", "", value)  # Siglent: `Analog:1.0E-04`
+                return re.sub(r"^[A-Za-z]*:\s*(?=[\d.+-])", "", value)  # `Analog:1.0E-04` of Siglent, `:50us` of OWON
     return ""
 
 

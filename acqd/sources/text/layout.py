@@ -16,7 +16,7 @@ from pathlib import Path
 from acqd.errors import InputError, UserError
 
 FOLDER = Path(__file__).with_name("layouts")
-_TEXT = ("name", "title", "source", "advice")
+_TEXT = ("name", "title", "source", "advice", "times")
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +45,8 @@ class Layout:
     """Keys of the channels' names."""
     units: tuple[str, ...] = ()
     """Keys of the channels' units."""
+    times: str = ""
+    """Unit of the columns without a name, which are times."""
     inputs: tuple[str, ...] = ()
     """Regular expressions of names that stand for inputs of the instrument and say no phase."""
     columns: tuple[int, ...] = ()

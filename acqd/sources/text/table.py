@@ -175,6 +175,7 @@ def _read_header(table: Table, lines: list[str], layout: Layout) -> None:
     if named := _named(table, layout.units):
         table.units = _padded(named, table.width)
     table.units = table.units or [""] * table.width
+    _name_times(table, layout)
     labels = list(table.names)
     for k, name in enumerate(labels):
         if not table.units[k]:
@@ -182,6 +183,12 @@ def _read_header(table: Table, lines: list[str], layout: Layout) -> None:
             table.units[k] = table.units[k] or codes_word(name)
     if any(table.units) and not any(table.names):
         table.names = [f"column {k}" for k in range(table.width)]
+
+
+def _name_times(table: Table, layout: Layout) -> None:
+    """Columns without a name are times where the layout says so."""
+    for k in [k for k, name in enumerate(table.names) if layout.times and not name]:
+        table.names[k], table.units[k] = "time", layout.times
 
 
 def _header_rows(table: Table, rows: list[list[str]], candidates: list[int], layout: Layout) -> list[str]:
@@ -278,6 +285,8 @@ def _note(table: Table, line: str, row: list[str]) -> None:
     """A line of the preamble: its first field is the key; `key: value` and `key = value` as well."""
     values = [text for text in row[1:] if text]
     if values and row[0] and ":" not in row[0]:
+        if key_of(row[0]) in map(key_of, values):  # a key beside each of the channels: the others say less
+            table.preamble[key_of(row[0])] = row[1:]
         table.preamble.setdefault(key_of(row[0]), row[1:])
         if bracketed := _KEY_UNIT.match(row[0]):
             given = [f"{text} {bracketed[2]}" if is_number(text, table.decimal) else text for text in row[1:]]

@@ -10,7 +10,7 @@ import numpy as np
 from acqd.arrays import Floats
 from acqd.errors import InputError
 from acqd.sources.recording.channel import Recording
-from acqd.sources.recording.clock import Clock, of_times
+from acqd.sources.recording.clock import Clock, of_times, unix_s
 from acqd.sources.recording.siblings import skew
 from acqd.sources.recording.units import CLOCK_NAMES, TIME_NAMES, UnknownUnitError, unit_of
 from acqd.sources.text import clock
@@ -24,7 +24,7 @@ _EVEN = 0.01
 """Of a step: how far the steps of a column without a name may be from each other to be those of times."""
 _TIME_STEPS_S = (1e-8, 5e-3)
 _INDEX = ("sequence", "index", "sample", "samples", "no", "nr", "n", "point", "points", "number", "xindex")
-_TIMES = (*(key_of(name) for name in TIME_NAMES), "xvalue", "timesec", "timeaxis", "abstime", "reltime")
+_TIMES = (*(key_of(name) for name in TIME_NAMES), "xvalue", "timesec", "timeaxis", "abstime", "reltime", "domain")
 
 
 class Times:
@@ -55,8 +55,10 @@ class Times:
             key = key_of(names[k])
             if key in _INDEX or key_of(units[k]) in _INDEX or not is_number(first[k], self.table.decimal):
                 continue
-            if unit is not None or key in _TIMES or key in CLOCK_NAMES:
-                found[k] = unit or CLOCK_NAMES.get(key, 1.0)
+            if unit is not None or key in CLOCK_NAMES:
+                found[k] = unit or CLOCK_NAMES[key]
+            elif key in _TIMES:
+                found[k] = unix_s(float(first[k].replace(",", ".")))
         return found
 
     def set_skews(self, recording: Recording, needed: list[int]) -> None:

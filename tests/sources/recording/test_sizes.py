@@ -45,6 +45,16 @@ def test_voltages_behind_transformers_without_a_ratio_are_asked_about(volts):
     )
 
 
+@pytest.mark.parametrize(
+    "names", ["V1N V2N V3N", "Van Vbn Vcn", "U_RN U_SN U_TN", "UL1-N UL2-N UL3-N", "uL1E uL2E uL3E"]
+)
+def test_names_that_say_to_neutral_are_believed(names):
+    channels = [(k, names.split()[k // 2] if k % 2 == 0 else f"I{k // 2}") for k in range(6)]
+    assert not hints(channels, samples(230.0), np.ones(6), (5_000.0, 50.0), True)
+    bare = [(k, name[:-1]) for k, name in channels]
+    assert hints(bare, samples(230.0), np.ones(6), (5_000.0, 50.0), True)
+
+
 def test_the_question_shows_what_the_angles_make_of_either_answer():
     assert "to neutral 3028 W with I 29 degrees behind U, between lines 1991 W with I 1 degrees before" in said(
         samples(230.0)

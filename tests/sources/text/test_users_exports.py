@@ -76,6 +76,20 @@ READ = {
     + "".join(f"09/13/2024 08:07:06.{round(t * 1e6):06d}\t{u:.7g}\t{i:.7g}\n" for t, u, i in zip(T, U, I, strict=True)),
     "results_below.csv": "t,u,i\n" + SECONDS + "\nMean,0.0,0.0\nEnd of file\n",
     "ac.csv": "t [s],U [V AC],I [A AC]\n" + SECONDS,
+    "owon_colons.csv": "Sample Interval,:100.000us\nIndex,CH1 Voltage(V),CH2 Current(A)\n"
+    + "".join(f"{k},{u:.7g},{i:.7g}\n" for k, (u, i) in enumerate(zip(U, I, strict=True))),
+    "spice.txt": "time\tV(in)\tI(Rload)\n" + table(T, U, I, row="{}\t{}\t{}"),
+    "spice_nodes.txt": "time\tV(l1,n)\tI(L1)\n" + table(T, U, I, row="{}\t{}\t{}"),
+    "pscad.txt": "Domain Va Ia\n" + table(T, U, I, row="{}  {}  {}"),
+    "epoch.csv": "timestamp,u1,i1\n"
+    + "".join(
+        f"{1_699_963_200_000_000 + 100 * k},{u:.7g},{i:.7g}\n" for k, (u, i) in enumerate(zip(U, I, strict=True))
+    ),
+    "twincat.csv": (
+        "Name\tYT Scope Project\nFile\tmains.tcscopex\nStarttime of export\t133444368000000000\tTuesday\n\n"
+        "Name\tU_L1\tName\tI_L1\nSymbolName\tMAIN.u\tSymbolName\tMAIN.i\nSampleTime[ms]\t0.1\tSampleTime[ms]\t0.1\n"
+        "Unit\tV\tUnit\tA\n\n" + table(1e3 * T, U, 1e3 * T, I, row="{}\t{}\t{}\t{}")
+    ),
     "iec61850.csv": "t,TVTR1.VolSv.instMag.i,TCTR1.AmpSv.instMag.i\n" + SECONDS,
 }
 
@@ -89,7 +103,12 @@ def test_read(tmp_path, name):
     said = " ".join(waveform.notes)
     assert ("1 left out" in said) == (name == "first_row_empty.csv")
     assert ("lines below its table: 2 left out ('Mean,0.0,0.0')" in said) == (name == "results_below.csv")
-    dated = {"waveforms.csv": 1_699_963_200, "gantner.csv": 1_709_971_626, "mr8880.csv": 1_709_971_626}
+    dated = {
+        "waveforms.csv": 1_699_963_200,
+        "epoch.csv": 1_699_963_200,
+        "gantner.csv": 1_709_971_626,
+        "mr8880.csv": 1_709_971_626,
+    }
     if name in dated:
         assert waveform.start_utc_ns == dated[name] * 10**9
 
@@ -156,6 +175,11 @@ REFUSED = {
     "commas.csv": ("time,u1,i1\n" + SECONDS.replace(".", ","), "names 3 columns, and the rows below have"),
     "second_table.csv": ("t,u,i\n" + SECONDS + "\nt,u,i\n" + SECONDS, r"row 803, column 1: 't' is not a number"),
     "probe.csv": ("t [s],u [V],i [V] 10mV/A\n" + SECONDS, "its unit '10mV/A' is unknown"),
+    "shunt.csv": ("t [s],u [V],i [V @ 0.1 Ohm]\n" + SECONDS, "its unit 'V @ 0.1 Ohm' is unknown"),
+    "two_nodes.txt": ("time\tV(in)\tV(out)\tI(R1)\n" + table(T, U, U / 2, I, row="{}\t{}\t{}\t{}"),
+                      "no voltage and current pair"),
+    "decibel.txt": ("time,V(dBV),I(dBA)\n" + SECONDS, "its unit 'dBA' is unknown"),
+    "probe_of_i.txt": ("time,V(in),I (mV/A)\n" + SECONDS, "its unit 'mV/A' is unknown"),
     "two_letters.csv": ("a12,b\n" + table(T, U, row="{},{}"), "no voltage and current pair"),
 }  # fmt: skip
 
