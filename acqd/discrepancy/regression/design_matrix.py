@@ -46,11 +46,9 @@ class Design:
     ) -> Design:
         """Whitened by one noise model; `products`: `white_products` of every block, all of whose rows are trusted.
 
-        They are the largest arrays beside the columns, and become the design's own.
+        They are the largest arrays beside the columns, and belong to the design from now on.
         """
         y = columns.values[0].shape[1]
-        for each, part in zip(products, columns.parts, strict=True):
-            each /= part.noise**2
         white = tuple(products)
         squares = np.array([_squares(columns, part, np.s_[:]) for part in columns.parts])
         empty = np.empty((len(products), y + 1, 0))
@@ -168,7 +166,7 @@ class Design:
                 added[part.segment],
             )
             white = white_rows(self.whitener, part, values) * good[:, None]
-            white = self.whitener.back(white / part.noise, past=part.past > 0)
+            white = self.whitener.back((white.T / part.noise).T, past=part.past > 0)
             products.append(np.concatenate([(white.T @ each[part.rows]).T for each in everything]))
             if part.in_question:
                 squares[number, indices] = (values[part.past :][good] ** 2).sum(axis=0)
