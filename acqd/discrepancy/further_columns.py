@@ -24,7 +24,10 @@ _MORE = (
 )
 """In words; times the minutes; times the days and the sessions of the reference."""
 _TORQUES: dict[Side, str] = {"link": "torques of joint sensors", "motor": "currents of motors"}
-_TORQUE_ASSUMED = f"an error of {percent(TORQUE_ERROR)} of a joint's greatest torque, with the memory of the residual"
+_TORQUE_ASSUMED = (
+    f"an error of {percent(TORQUE_ERROR)} of a joint's greatest torque, with the memory of the residual; sizes are "
+    "those of effects that torques show"
+)
 _SIGNALS = {
     "tool": ("the tool's signal", f"the tool switches every {number(TOOL_S)} s"),
     "brake": ("the brakes' signal", "the brakes close where the arm rests"),
@@ -74,7 +77,8 @@ def _choices(comparison: Comparison, rows: Rows, plan: Ability, longer: float, p
             if witness is not None:
                 seeing = Rows(replace(rows.design, witness=witness), rows.regression, rows.learning_rate)
                 told = Ability.planned(seeing, _open(seeing), longer, doubled=False)
-                yield choice(name, _TORQUE_ASSUMED, plan, told, has)
+                shown = [each for each in has if witness.sees(each)]
+                yield choice(name, _TORQUE_ASSUMED, plan, told, has, shown)
     step_s = comparison.model.step_s
     asked, reference = (with_signals(each, step_s) for each in (comparison.in_question, comparison.reference))
     lacking = [name for name in _SIGNALS if any(name in known[each].needs for each in known if each not in has)]

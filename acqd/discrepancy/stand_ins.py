@@ -17,12 +17,14 @@ from acqd.arrays import Floats
 from acqd.discrepancy.joints.witness import Witness
 from acqd.discrepancy.regression.design_columns import DesignColumns
 from acqd.models.effects.catalogue.line_voltage import NOMINAL_V
+from acqd.models.effects.scene import Scene
 from acqd.models.effects.substeps import averaged
 from acqd.models.segments import Segment
 from acqd.motion.controller import BrakeSettings
 from acqd.residual.logged_torque import Side
 from acqd.residual.thresholds import NOISE
 from acqd.robot.description import RobotDescription
+from acqd.robot.newton_euler import regressor
 
 TORQUE_ERROR = 0.01
 """RMS relative to the joint's greatest torque; the motor currents of a measured UR10e leave 0.008 of it unexplained."""
@@ -44,7 +46,7 @@ def with_torques(columns: DesignColumns, robot: RobotDescription, side: Side) ->
         zip(columns.scenes.segments, columns.scenes.in_question, strict=True)
     ):
         scene = columns.scenes[number]
-        torque = averaged(scene.tau_rigid if side == "link" else scene.tau)
+        torque = _of_the_arm(scene) if side == "link" else averaged(scene.tau)
         rows = np.arange(len(torque))[:, None] + random.integers(len(errors), size=torque.shape[1])
         torque = torque + TORQUE_ERROR * robot.effort * errors[rows % len(errors)]
         if side == "link":
@@ -53,6 +55,12 @@ def with_torques(columns: DesignColumns, robot: RobotDescription, side: Side) ->
             channels = segment.channels | {"current": torque / constant}
             segments.append((replace(segment, tau=None, channels=channels), in_question))
     return Witness.of(columns.model, robot, segments, columns.scenes)
+
+
+def _of_the_arm(scene: Scene) -> Floats:
+    """[T, axes] Nm behind the gears, also while closed brakes hold the arm, where `tau_rigid` of the motors is 0."""
+    Y = averaged(regressor(scene.model.chain, scene.q, scene.qd, scene.qdd))
+    return np.asarray(Y @ scene.model.group("inertial"))
 
 
 def with_signals(segments: Sequence[Segment], step_s: float) -> list[Segment]:

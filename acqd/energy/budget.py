@@ -18,7 +18,7 @@ import sqlalchemy as sa
 from acqd.energy.account import Account, Period, sum_of
 from acqd.energy.budget_section import Budget
 from acqd.energy.periods import Range, current, days_before
-from acqd.energy.read import devices, read_accounts
+from acqd.energy.read import NoRowsError, devices, read_accounts
 from acqd.energy.rules import Rules
 from acqd.errors import UserError
 from acqd.report.digits import duration, number, percent
@@ -186,7 +186,7 @@ class _Reader:
             try:
                 accounts = read_accounts(engine, name, [(span.begin, span.end) for span in some], tariff, kept, seconds)
             except UserError as error:  # of one that has been taken away, there are no rows
-                trouble = str(error)
+                trouble = error.what if isinstance(error, NoRowsError) else str(error)
                 continue
             found.append(accounts)
         if not found:

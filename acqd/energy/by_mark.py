@@ -6,9 +6,10 @@ only if the gap lies within one of its visits. All values, gaps and steps togeth
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
+from typing import NamedTuple
 
 import numpy as np
 import sqlalchemy as sa
@@ -69,13 +70,25 @@ class ByMark:
     simulated: bool
 
 
+class _Gap(NamedTuple):
+    """From a row to the next one, with rows lacking between."""
+
+    nWh: int
+    seconds: float
+    marks: tuple[int, int]
+    """Of both rows."""
+    since: tuple[int, int]
+    """Starts of the prices of both rows [Unix s]."""
+
+
 @dataclass(slots=True)
 class _State:
     nWh: dict[tuple[int, int], int] = field(default_factory=dict)
     """By mark and start of the price [Unix s]."""
-    unpriced: dict[int, int] = field(default_factory=dict)
+    gaps: list[_Gap] = field(default_factory=list)
+    most_W: float = 0.0
+    """Largest |P| of all rows."""
     rows: dict[int, int] = field(default_factory=dict)
-    between: int = 0
     jumps: int = 0
     first: int | None = None
     last: int | None = None
@@ -92,12 +105,13 @@ def by_mark(engine: sa.Engine, device: str, marks: Marks, begin: int, end: int, 
             raise NoRowsError(f"device {device!r} has no rows in this period, only roll-ups at most; parts need rows")
         state = _State()
         for piece in _joined(row_series(connection, device, channel, begin, end)):
-            _add(state, piece, marks, interval, step_s, tariff)
+            _add(state, piece, marks, interval, step_s)
         simulated = stored.has_flag(connection, device, channel, begin, end, "simulated")
     if state.first is None or state.last is None:
         raise NoRowsError(f"device {device!r} has no rows with a register in this period")
+    inside, between = _sorted_gaps(state, interval)
     return ByMark(
-        device, channel, _values(state, marks, begin, end, interval, tariff), state.between, state.jumps,
+        device, channel, _values(state, inside, marks, begin, end, interval, tariff), between, state.jumps,
         state.last - state.first, state.count, simulated,
     )  # fmt: skip
 
@@ -113,101 +127,114 @@ def _joined(pieces: Iterator[Piece]) -> Iterator[Piece]:
         last = ticks[-1:], P[-1:], W[-1:]
 
 
-def _add(
-    state: _State, piece: Piece, marks: Marks, interval_s: float, step_s: int, tariff: Tariff | None
-) -> None:  # fmt: skip
+def _add(state: _State, piece: Piece, marks: Marks, interval_s: float, step_s: int) -> None:
     filetimes, P, W = piece
     ticks = filetimes - filetime(0)
     mark = np.searchsorted(marks.ticks, ticks, side="right") - 1
-    priced = ticks // (_TICKS * step_s)
+    since = ticks // (_TICKS * step_s) * step_s
     elapsed_s = np.diff(ticks) / _TICKS
     gap = elapsed_s > _GAP * interval_s
-    jump = _jumps(np.diff(W), P, elapsed_s, interval_s)
+    most_W = float(np.abs(P[np.isfinite(P)]).max(initial=0.0))
+    state.most_W = max(state.most_W, most_W)
+    jump = np.abs(np.diff(W)) > _largest_kWh(most_W, elapsed_s, interval_s)
     fresh = slice(0 if state.first is None else 1, None)  # the first row was counted in the piece before
     for number, rows in zip(*np.unique(mark[fresh], return_counts=True), strict=True):
         state.rows[int(number)] = state.rows.get(int(number), 0) + int(rows)
     state.count += len(ticks[fresh])
-    changed = gap | jump | (np.diff(mark) != 0) | (np.diff(priced) != 0)
+    changed = gap | jump | (np.diff(mark) != 0) | (np.diff(since) != 0)
     breaks = np.flatnonzero(changed) + 1
     if state.first is None:
         state.first = nwh(float(W[0]))
     before = 0
     for k in [*breaks.tolist(), len(W)]:
-        _count(state, int(mark[before]), int(priced[before]) * step_s, W[before], W[k - 1])
+        _count(state, int(mark[before]), int(since[before]), nwh(float(W[k - 1])) - nwh(float(W[before])))
         if k < len(W):
-            _step(state, piece, mark, priced * step_s, k, bool(gap[k - 1]), bool(jump[k - 1]), tariff)
+            energy = nwh(float(W[k])) - nwh(float(W[k - 1]))
+            if gap[k - 1]:
+                both = (int(mark[k - 1]), int(mark[k])), (int(since[k - 1]), int(since[k]))
+                state.gaps.append(_Gap(energy, float(elapsed_s[k - 1]), *both))
+            elif jump[k - 1]:
+                state.jumps += energy
+            else:
+                _count(state, int(mark[k]), int(since[k]), energy)
         before = k
     state.last = nwh(float(W[-1]))
 
 
-def _count(state: _State, mark: int, since: int, first: float, last: float) -> None:
-    """The energy of rows that follow one another."""
+def _count(state: _State, mark: int, since: int, energy: int) -> None:
+    """The energy [nWh] of rows that follow one another."""
     key = mark, since
-    state.nWh[key] = state.nWh.get(key, 0) + nwh(float(last)) - nwh(float(first))
+    state.nWh[key] = state.nWh.get(key, 0) + energy
 
 
-def _step(
-    state: _State, piece: Piece, mark: np.ndarray, since: np.ndarray, k: int, gap: bool, jump: bool,
-    tariff: Tariff | None,
-) -> None:  # fmt: skip
-    """The energy from a row to the next one where something changes."""
-    energy = nwh(float(piece[2][k])) - nwh(float(piece[2][k - 1]))
-    if jump:
-        state.jumps += energy
-    elif gap and mark[k] != mark[k - 1]:
-        state.between += energy
-    elif gap and tariff is not None and _price_changes(tariff, since[k - 1 : k + 1]):
-        state.unpriced[int(mark[k])] = state.unpriced.get(int(mark[k]), 0) + energy
-    else:
-        key = int(mark[k]), int(since[k])
-        state.nWh[key] = state.nWh.get(key, 0) + energy
+def _sorted_gaps(state: _State, interval_s: float) -> tuple[list[_Gap], int]:
+    """Gaps within one visit, and the energy [nWh] over the others; steps of the register join the jumps.
+
+    After all rows: what may have been used in a gap follows from the largest power of all of them.
+    """
+    inside, between = [], 0
+    for gap in state.gaps:
+        if abs(gap.nWh) > _largest_kWh(state.most_W, np.array(gap.seconds), interval_s) * NWH_PER_KWH:
+            state.jumps += gap.nWh
+        elif gap.marks[0] != gap.marks[1]:
+            between += gap.nWh
+        else:
+            inside.append(gap)
+    return inside, between
 
 
-def _price_changes(tariff: Tariff, since: np.ndarray) -> bool:
+def _price_changes(tariff: Tariff, since: tuple[int, int]) -> bool:
     moments = np.arange(since[0], since[1] + 1, tariff.resolution)
     return len(set(tariff.prices(moments) or [])) > 1
 
 
-def _jumps(step_kWh: np.ndarray, P: np.ndarray, elapsed_s: np.ndarray, interval_s: float) -> np.ndarray:
-    """Steps that the powers around them cannot explain."""
-    finite = np.abs(P[np.isfinite(P)])
-    most = float(finite.max()) if len(finite) else 0.0
+def _largest_kWh(most_W: float, elapsed_s: np.ndarray, interval_s: float) -> np.ndarray:  # noqa: N802
+    """What a power explains between two rows; more is a step of the register."""
     coarse = 0.0 if interval_s < _SAMPLED_S else _COARSE_KWH
-    allowed = _CLEARLY * (most * np.maximum(elapsed_s, interval_s) / 3.6e6 + coarse) + most * 1.5 / 3.6e6
-    return np.asarray(np.abs(step_kWh) > allowed)
+    explained = _CLEARLY * (most_W * np.maximum(elapsed_s, interval_s) / 3.6e6 + coarse) + most_W * 1.5 / 3.6e6
+    return np.asarray(explained)
 
 
 def _values(
-    state: _State, marks: Marks, begin: int, end: int, interval_s: float, tariff: Tariff | None
+    state: _State, gaps: Sequence[_Gap], marks: Marks, begin: int, end: int, interval_s: float, tariff: Tariff | None
 ) -> list[Marked]:
     found: dict[str, Marked] = {}
     edges = np.concatenate([[begin * _TICKS], np.clip(marks.ticks, begin * _TICKS, end * _TICKS), [end * _TICKS]])
     lasting = np.diff(edges) / _TICKS
     priced = tariff is not None and tariff.price is not None
+    of_mark = {}
     for number in range(-1, len(marks.names)):
         if lasting[number + 1] <= 0:
             continue
         name = marks.names[number] if number >= 0 else _BEFORE
-        of = found.setdefault(name, Marked(name, cost=Fraction(0) if priced else None))
+        of = of_mark[number] = found.setdefault(name, Marked(name, cost=Fraction(0) if priced else None))
         of.visits += 1
         of.seconds += float(lasting[number + 1])
         of.known_s += min(state.rows.get(number, 0) * interval_s, float(lasting[number + 1]))
-        of.nWh += state.unpriced.get(number, 0)
-        of.unpriced_nWh += state.unpriced.get(number, 0)
-    names = [marks.names[number] if number >= 0 else _BEFORE for number, _ in state.nWh]
-    prices = _prices(tariff, [since for _, since in state.nWh]) if tariff is not None and priced else None
-    net: dict[tuple[int, int], int] = {}
-    for (number, since), energy in state.nWh.items():
-        quarter = number, since // QUARTER_S
-        net[quarter] = net.get(quarter, 0) + energy
-    for k, ((number, since), energy) in enumerate(state.nWh.items()):
-        of = found[names[k]]
-        of.nWh += energy
-        if prices is not None and tariff is not None and of.cost is not None:
-            imports = net[number, since // QUARTER_S] >= 0
-            of.cost += Fraction(energy, NWH_PER_KWH) * (prices[k] if imports else tariff.feed_in)
+    for (number, _), energy in state.nWh.items():
+        of_mark[number].nWh += energy
+    for gap in gaps:
+        of_mark[gap.marks[1]].nWh += gap.nWh
+    if tariff is not None and priced:
+        _add_costs(of_mark, state.nWh, gaps, tariff)
     return sorted(found.values(), key=lambda each: not each.name)
 
 
-def _prices(tariff: Tariff, moments: list[int]) -> list[Fraction]:
-    return tariff.prices(np.array(moments, dtype=np.int64)) or []
+def _add_costs(
+    of_mark: Mapping[int, Marked], rows: Mapping[tuple[int, int], int], gaps: Sequence[_Gap], tariff: Tariff
+) -> None:
+    """Import and export of a quarter hour are netted over all marks, as the bill of the device nets them."""
+    net: dict[int, int] = {}
+    for (_, since), energy in rows.items():
+        net[since // QUARTER_S] = net.get(since // QUARTER_S, 0) + energy
+    shares = [(mark, since, energy, net[since // QUARTER_S] >= 0) for (mark, since), energy in rows.items()]
+    for gap in gaps:
+        if _price_changes(tariff, gap.since):
+            of_mark[gap.marks[1]].unpriced_nWh += gap.nWh
+        else:
+            shares.append((gap.marks[1], gap.since[1], gap.nWh, gap.nWh >= 0))
+    prices = tariff.prices(np.array([since for _, since, _, _ in shares], dtype=np.int64)) or []
+    for (mark, _, energy, imports), price in zip(shares, prices, strict=True):
+        of = of_mark[mark]
+        assert of.cost is not None
+        of.cost += Fraction(energy, NWH_PER_KWH) * (price if imports else tariff.feed_in)

@@ -31,7 +31,7 @@ def read_marks(path: Path, kind: str) -> dict[str, Marks]:
     A line that repeats the value of the one before is no mark: a file of parts and steps has a line for every step.
     """
     rows, _ = read_rows(path)
-    header = [name.strip().lower() for name in rows[0]] if rows else []
+    header = [name.strip().lower() for name in rows[0][1]] if rows else []
     for name in ("time", kind):
         if name not in header:
             raise InputError(path, f"has no column {name}; expected a header with time, {kind} and perhaps device")
@@ -40,7 +40,7 @@ def read_marks(path: Path, kind: str) -> dict[str, Marks]:
     place = {name: header.index(name) for name in ("time", kind, "device") if name in header}
     found: dict[str, list[tuple[int, str]]] = {}
     latest: dict[str, int] = {}
-    for number, row in enumerate(rows[1:], start=2):
+    for number, row in rows[1:]:
         if len(row) != len(header):
             raise InputError(path, f"line {number}: {len(row)} values, expected {len(header)}")
         device = row[place["device"]].strip() if "device" in place else ""

@@ -47,15 +47,17 @@ class Series:
 
 def read_series(path: Path, unit: str) -> Series:
     """The first two columns of a CSV file with a header (comma or semicolon). Raises InputError."""
-    rows, delimiter = read_rows(path)
-    if len(rows) < 2 or len(rows[0]) < 2 or rows[0][0].strip().lower() != "time":
+    found, delimiter = read_rows(path)
+    (_, header), *rows = found or [(1, [])]
+    if not rows or len(header) < 2 or header[0].strip().lower() != "time":
         raise InputError(path, "expected a header with the columns time and price, and rows below it")
-    for number, row in enumerate(rows[1:], start=2):
-        if any(cell.strip() for cell in row[len(rows[0]) :]):  # 12,5 between commas
-            raise InputError(path, f"line {number}: {len(row)} values, the header has {len(rows[0])}")
-    start = [_time(path, number, row) for number, row in enumerate(rows[1:], start=2)]
-    values = [_value(path, number, row, delimiter) * UNITS[unit] for number, row in enumerate(rows[1:], start=2)]
-    return Series(path, np.array(start, dtype=np.int64), tuple(values), start[-1] + _steps(path, start))
+    for number, row in rows:
+        if any(cell.strip() for cell in row[len(header) :]):  # 12,5 between commas
+            raise InputError(path, f"line {number}: {len(row)} values, the header has {len(header)}")
+    start = [_time(path, number, row) for number, row in rows]
+    values = [_value(path, number, row, delimiter) * UNITS[unit] for number, row in rows]
+    step_s = _steps(path, [number for number, _ in rows], start)
+    return Series(path, np.array(start, dtype=np.int64), tuple(values), start[-1] + step_s)
 
 
 _MOST = 100_000.0
@@ -88,17 +90,20 @@ def _value(path: Path, number: int, row: list[str], delimiter: str) -> Fraction:
     return Fraction(repr(value))  # as written: a float has 15 decimals of its own
 
 
-def _steps(path: Path, start: list[int]) -> int:
-    """Length [s] of the last value. Raises InputError for times out of order, twice, or with a hole."""
+def _steps(path: Path, lines: list[int], start: list[int]) -> int:
+    """Length [s] of the last value; `lines` of the file have the times `start`.
+
+    Raises InputError for times out of order, twice, or with a hole.
+    """
     if len(start) == 1:
         return 3600
     steps = [later - earlier for earlier, later in pairwise(start)]
-    for number, step in enumerate(steps, start=3):
+    for k, step in enumerate(steps):
         if step <= 0:
-            raise InputError(path, f"line {number}: time does not rise; sort the rows, and give every time once")
+            raise InputError(path, f"line {lines[k + 1]}: time does not rise; sort the rows, and give every time once")
         if step not in _STEPS_S:
             raise InputError(
-                path, f"line {number}: {_shown(start[number - 3])} is followed by {_shown(start[number - 2])}; "
+                path, f"line {lines[k + 1]}: {_shown(start[k])} is followed by {_shown(start[k + 1])}; "
                 "expected 15, 30 or 60 min later: fill the hole"
             )  # fmt: skip
     runs = [(step, len(list(group))) for step, group in groupby(steps)]
@@ -106,7 +111,7 @@ def _steps(path: Path, start: list[int]) -> int:
         usual = max(runs, key=lambda run: run[1])[0]
         odd = next(k for k, step in enumerate(steps) if step != usual)
         raise InputError(
-            path, f"line {odd + 3}: {_shown(start[odd])} is followed by {_shown(start[odd + 1])} in a series of "
+            path, f"line {lines[odd + 1]}: {_shown(start[odd])} is followed by {_shown(start[odd + 1])} in a series of "
             f"{usual // 60} min: a hole, or values of another step"
         )  # fmt: skip
     return steps[-1]

@@ -27,6 +27,11 @@ _LOOK_BACK_S = 400 * 86_400
 class NoRowsError(UserError):
     """A device has no rows in a period."""
 
+    def __init__(self, what: str, remedy: str = "") -> None:
+        """`remedy`: for somebody who has chosen the period."""
+        super().__init__(f"{what}; {remedy}" if remedy else what)
+        self.what = what
+
 
 def devices(engine: sa.Engine) -> list[str]:
     """All devices with rows or roll-ups."""
@@ -140,8 +145,8 @@ def channel_of(connection: sa.Connection, device: str, begin: int, end: int) -> 
         raise NoRowsError(f"device {device!r} has no rows in this database at all")
     if not channels:
         raise NoRowsError(
-            f"device {device!r} has no rows {_from_to(begin, end, UTC)}, only {span_text(connection, device)}; choose "
-            "another --from and --to"
+            f"device {device!r} has no rows {_from_to(begin, end, UTC)}, only {span_text(connection, device)}",
+            "choose another --from and --to",
         )
     if len(channels) > 1:
         raise UserError(f"device {device!r} has the channels {', '.join(sorted(channels))} but no total")

@@ -19,6 +19,7 @@ from acqd.discrepancy.recordings import Subject, subject_of
 from acqd.discrepancy.regression.design_columns import Candidate
 from acqd.discrepancy.regression.design_matrix import Design
 from acqd.discrepancy.regression.least_squares import Column, Moments, Regression
+from acqd.discrepancy.regression.row_noise import new_power, usual_noise
 from acqd.discrepancy.regression.setup import Comparison, Setup, set_up
 from acqd.discrepancy.regression.white_rows import white_products
 from acqd.discrepancy.search import begins_of, unexplained
@@ -173,11 +174,13 @@ def _with_design(whole: Setup, so_far: Design) -> Setup:
     The pieces lack the change: one fit to both would take the change for noise.
     """
     known = so_far.parts
-    usual = float(np.median([part.noise for part in known if not part.in_question]))
-    noise = [part.noise for part in known] + [usual] * (len(whole.design.parts) - len(known))
-    parts = tuple(replace(part, noise=own) for part, own in zip(whole.design.parts, noise, strict=True))
+    columns, rising = whole.design.columns, so_far.columns.rising
+    pieces = columns.parts[len(known) :]
+    noise = [part.noise for part in known]
+    noise += [usual_noise(rising, new_power(columns, so_far.whitener, part)) for part in pieces]
+    parts = tuple(replace(part, noise=own) for part, own in zip(columns.parts, noise, strict=True))
     trusted = (*so_far.trusted, *whole.design.trusted[len(known) :])
-    columns = replace(whole.design.columns, parts=parts)
+    columns = replace(columns, parts=parts, rising=rising)
     products = [white_products(columns, so_far.whitener, part) for part in columns.parts]
     design = Design.of(columns, so_far.whitener, so_far.slow_whitener, trusted, products)
     if whole.design.added[0].shape[1]:  # a load that switches on both sides

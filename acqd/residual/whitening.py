@@ -49,13 +49,11 @@ class Whitener:
         spread = mad_sigma(np.concatenate(residuals), 0.0) + 1e-9
         clipped = [np.clip(each, -NOISE.outlier * spread, NOISE.outlier * spread) for each in residuals]
         lags = np.zeros(order + 1)
-        counts = np.zeros(order + 1)
         for each in clipped:
             for k in range(min(order + 1, len(each))):
                 lags[k] += float(each[k:] @ each[: len(each) - k])
-                counts[k] += len(each) - k
-        # many short runs: only the biased estimate is certainly positive semidefinite
-        covariance = lags / (counts[0] if known_level else np.maximum(counts, 1))
+        # the biased estimate: the one by the rows of each lag may have an innovation without variance
+        covariance = lags / sum(map(len, clipped))
         covariance[0] *= 1 + 1e-6
         weights = solve_toeplitz(covariance[:-1], covariance[1:])
         variance = max(float(covariance[0] - weights @ covariance[1:]), 1e-12)

@@ -102,6 +102,8 @@ def test_what_cannot_be_known_is_said(engine):
     assert (
         "cannot be watched: device 'nobody' has no rows" in standing(engine, per="day", kWh=1.0, device="nobody").text
     )
+    away = standing(engine, now=NOW + 400 * 24 * HOUR, per="day", kWh=1.0)  # nobody has chosen this period
+    assert away.state == "unknown" and "has no rows from" in away.text and "--from" not in away.text
     early = standing(engine, now=NOW - 41.4 * 24 * HOUR, per="week", kWh=1e4)
     assert early.forecast is None and "too little is known" in early.text
 

@@ -12,9 +12,13 @@ from zoneinfo import ZoneInfo
 import pytest
 from matplotlib.figure import Figure
 
-from acqd.energy.by_mark import ByMark, Marked
+from acqd.energy.by_mark import ByMark, Marked, by_mark
 from acqd.energy.mark_page import mark_page
+from acqd.energy.marks import read_marks
 from acqd.energy.periods import Range
+from acqd.energy.read import read_account
+from acqd.energy.tariff import load_tariff
+from acqd.storage import row_series
 from acqd.storage.database import open_database
 from acqd.storage.writer import Writer
 from tests.commands import acqd_here, refused
@@ -94,6 +98,45 @@ def test_a_gap_within_a_part_belongs_to_it_and_prices_are_those_of_the_time(work
     (line,) = csv.DictReader((tmp_path / "p.csv").read_text().splitlines())
     assert float(line["unpriced_kWh"]) == pytest.approx(0.101)  # the price changes in the gap
     assert "gear" in ask(works, [(0, "gear")]).stdout
+
+
+def stored(folder, powers, step_s, lacking=()):
+    """Rows of one device from BEGIN on, each `step_s` s long, with these powers [W]; the register counts all."""
+    rows, W = [], 5.0
+    for k, P in enumerate(powers):
+        W += P * step_s / 3.6e6
+        if k not in lacking:
+            rows.append(row(k, "total", t=BEGIN + step_s * k, P=P, W=W))
+    engine = open_database(str(folder / "p.sqlite"))
+    Writer(engine).write([message(one) for one in rows])
+    return engine
+
+
+def of_parts(path, *marks):
+    path.write_text("time,part\n" + "".join(f"{shown(at)},{name}\n" for at, name in marks))
+    return read_marks(path, "part")[""]
+
+
+def test_parts_cost_what_the_quarter_hours_of_the_device_cost(tmp_path):
+    """A gear that takes 2 kW and a brake test that gives back 3 kW share quarter hours that export on balance."""
+    engine = stored(tmp_path, [(2000.0, -3000.0)[k // 30 % 2] for k in range(180)], 10)
+    marks = of_parts(tmp_path / "m.csv", *[(300 * k, ("gear", "brake test")[k % 2]) for k in range(6)])
+    (tmp_path / "t.toml").write_text("price = 0.3\nfeed_in = 0.08\n")
+    tariff = load_tariff(tmp_path / "t.toml")
+    parts = by_mark(engine, "cell1", marks, BEGIN, BEGIN + 1800, tariff)
+    account = read_account(engine, "cell1", [BEGIN, BEGIN + 900, BEGIN + 1800], tariff)
+    assert sum(each.cost for each in parts.values) == account.total.cost
+    first, second = account.periods
+    assert first.cost > 0 > second.cost  # two gears and a brake test; two brake tests and a gear
+    assert sum(each.nWh for each in parts.values) == parts.register_nWh == account.register_nWh
+
+
+def test_what_a_gap_may_hold_follows_from_all_rows_and_not_from_those_read_with_it(tmp_path, monkeypatch):
+    """A night at 5 kW, a gap in which the work at 300 kW began, and the rest, read in small pieces."""
+    monkeypatch.setattr(row_series, "_AT_ONCE", 20)
+    engine = stored(tmp_path, [5e3] * 50 + [3e5] * 50 + [5e3] * 30 + [3e5] * 30, 10, lacking=range(50, 100))
+    found = by_mark(engine, "cell1", of_parts(tmp_path / "m.csv", (0, "gear")), BEGIN, BEGIN + 1800, None)
+    assert found.jumps_nWh == 0 and found.values[0].nWh == found.register_nWh
 
 
 @pytest.mark.parametrize(

@@ -135,7 +135,7 @@ TARIFFS = {
     'zone = "Europe/Atlantis"\nprice = 0.3\n': "Europe/Atlantis",
     'zone = ""\nprice = 0.3\n': "zone: ",
     '[series]\nfile = "comma.csv"\nunit = "EUR/MWh"\n': "line 2: 3 values, the header has 2",  # 12,5 is not 12
-    '[series]\nfile = "hole.csv"\nunit = "EUR/MWh"\n': "fill the hole",
+    '[series]\nfile = "hole.csv"\nunit = "EUR/MWh"\n': "line 6: 2026-10-20T01:00Z is followed by 2026-10-20T03:00Z",
     '[series]\nfile = "order.csv"\nunit = "EUR/MWh"\n': "does not rise",
     '[series]\nfile = "wide.csv"\nunit = "EUR/MWh"\n': "is no table of values",
     '[series]\nfile = "naive.csv"\nunit = "EUR/MWh"\n': "no offset",
@@ -158,7 +158,7 @@ def rolled_up(tmp_path_factory):
         connection.execute(sa.insert(power_15min), rows)
     engine.dispose()
     series = {
-        "hole": ("2026-10-20T00:00Z,1", "2026-10-20T01:00Z,1", "2026-10-20T03:00Z,1"),
+        "hole": ("", "2026-10-20T00:00Z,1", "2026-10-20T01:00Z,1", "", "2026-10-20T03:00Z,1"),  # two lines are empty
         "order": ("2026-10-20T01:00Z,1", "2026-10-20T00:00Z,1"),
         "wide": ("1" * 140_000,),
         "huge": ("2026-10-20T00:00Z,1e400",),

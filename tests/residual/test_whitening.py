@@ -55,3 +55,12 @@ def test_products_of_white_rows_are_products_of_rows_with_the_transposed_filter(
     known = random.random(len(white)) < 0.8
     direct = whiten(table)[known].T @ white[known]
     np.testing.assert_allclose(table.T @ whitener.back(white * known[:, None], past=past), direct, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("order", [NOISE.noise_order, 3 * NOISE.noise_order])
+def test_errors_in_the_middle_of_recordings_become_white(order):
+    """Products by the number of rows of each lag make them seem foreseeable, at worst without any innovation."""
+    random, t = np.random.default_rng(1), np.arange(400)
+    errors = [20.0 * (-1) ** k * np.exp(-(((t - 200) / 80) ** 2)) + random.normal(0, 0.5, len(t)) for k in range(6)]
+    whitener = Whitener.of(errors, order)
+    assert 0.7 < np.concatenate([whitener.apply(each) for each in errors]).std() < 1.3

@@ -36,7 +36,7 @@ class Choice:
     """Pairs that are told apart with a probability of 95 %."""
     pairs: int
     shrinks: float
-    """Median smallest size relative to that of the plan."""
+    """Median smallest size, of the effects that the choice may show, relative to that of the plan."""
     gains_most: str
     """The effect with the greatest change, in words; "" for none."""
 
@@ -54,9 +54,15 @@ class Choice:
         }  # fmt: skip
 
 
-def choice(name: str, assumed: str, plan: Ability, other: Ability, counted: Iterable[str]) -> Choice:
-    """A choice beside the plan; `counted`: ids of effects that are compared, of those that have a size."""
+def choice(
+    name: str, assumed: str, plan: Ability, other: Ability, counted: Iterable[str], shown: Iterable[str] | None = None
+) -> Choice:
+    """A choice beside the plan; `counted`: ids of effects that are compared, of those that have a size.
+
+    `shown`: those of them that the choice may show (None: all), because no torque makes a load in the cabinet smaller.
+    """
     wanted, planned = set(counted), plan.easiest
+    sized = wanted if shown is None else wanted & set(shown)
     new = {key: value for key, value in other.easiest.items() if key not in planned and key in wanted}
     places = {key: value for key, value in planned.items() if key in wanted} | new
     known: _Places = {place.candidate.key: (place, rivals) for place, rivals in other.places}
@@ -64,7 +70,7 @@ def choice(name: str, assumed: str, plan: Ability, other: Ability, counted: Iter
     shrinks = {
         key: size / place.size
         for key, (place, _) in places.items()
-        if key in planned and place.size and (size := _size(known, place)) is not None
+        if key in planned and key in sized and place.size and (size := _size(known, place)) is not None
     }
     return Choice(
         name, assumed, len(places), apart, len(places) ** 2, float(np.median(list(shrinks.values()) or [1.0])),

@@ -10,7 +10,7 @@ more rows, more sessions of the reference, or nothing because smaller sizes do n
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -19,13 +19,14 @@ from scipy.stats import norm
 from scipy.stats import t as student
 
 from acqd.arrays import Floats
+from acqd.discrepancy.joints.witness import TwoWitnesses
 from acqd.discrepancy.regression.design_columns import Candidate
 from acqd.discrepancy.regression.design_matrix import Design
 from acqd.discrepancy.regression.gram import Indices
 from acqd.discrepancy.regression.least_squares import Competition
 from acqd.discrepancy.selection.judging import kinds_of
 from acqd.discrepancy.selection.ranking import Finding, Rows, acts, bounds_of, part_of, posterior, prior_of
-from acqd.discrepancy.selection.spread import AS_IT_IS, More, power_rms, sessions_of, variances_of_sessions
+from acqd.discrepancy.selection.spread import AS_IT_IS, More, power_rms, sessions_of, variances_of_sizes
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.discrepancy.thresholds.chance import by_chance
 
@@ -90,25 +91,27 @@ def smallest_sizes(rows: Rows, gate: Floats, longer: float = 1.0, more: More = A
         return []
     design, weights = rows.design, longer * gate
     used, competition = competition_of(rows, gate, candidates, longer, more)
-    units = [Finding(candidate, np.ones(1), np.zeros(1), 0.0) for candidate in candidates]
-    spreads = [(0.0, 1.0)] * len(units)  # without a reference to differ from
-    if sessions_of(design.parts, in_question=False):
-        spreads = variances_of_sessions(design, rows.regression, units, weights, more)
-    kinds = kinds_of(design.columns.candidates)
-    found = []
-    for unit, spread in zip(units, spreads, strict=True):
-        positions = np.searchsorted(used, unit.candidate.indices)
-        schur, _ = part_of(competition.schur, competition.products, positions, unit.candidate)
-        if not acts(schur):
-            found.append(Smallest(unit.candidate, None, None, "motion", 0.0))
-            continue
-        precision = from_power = rows.learning_rate * float(schur[0, 0])
-        at_joints = design.at_joints(unit.candidate, weights)
+    units, precisions = [], []
+    for candidate in candidates:
+        positions = np.searchsorted(used, candidate.indices)
+        schur, _ = part_of(competition.schur, competition.products, positions, candidate)
+        precision = from_power = rows.learning_rate * float(schur[0, 0]) if acts(schur) else 0.0
+        at_joints = design.at_joints(candidate, weights) if precision else None
         if at_joints is not None:
             precision += float(at_joints.precision[0, 0])
-        smallest = _smallest(design, unit, precision, spread, kinds)
-        found.append(replace(smallest, from_torques=1 - from_power / precision))
-    return found
+        both = TwoWitnesses(from_power, precision - from_power) if precision > from_power > 0 else None
+        units.append(Finding(candidate, np.ones(1), np.zeros(1), 0.0, witnesses=both))
+        precisions.append(precision)
+    spreads = [(0.0, 1.0)] * len(units)  # without a reference to differ from
+    if sessions_of(design.parts, in_question=False):
+        spreads = variances_of_sizes(design, rows.regression, units, weights, more)
+    kinds = kinds_of(design.columns.candidates)
+    return [
+        _smallest(design, unit, precision, spread, kinds)
+        if precision
+        else Smallest(unit.candidate, None, None, "motion", 0.0)
+        for unit, precision, spread in zip(units, precisions, spreads, strict=True)
+    ]
 
 
 def _smallest(design: Design, unit: Finding, precision: float, spread: tuple[float, float], kinds: int) -> Smallest:
@@ -118,6 +121,8 @@ def _smallest(design: Design, unit: Finding, precision: float, spread: tuple[flo
     error = float(np.sqrt(1 / precision + variance))
     rms = power_rms(design, unit)
     least_W = THRESHOLDS.least_share_of_range * design.columns.dynamic_range
+    both = unit.witnesses
+    from_torques = 0.0 if both is None else both.torques / (both.power + both.torques)
     improbable = float(student.isf(np.exp(-by_chance(kinds) / 2) / 2, freedom))
     least: dict[LimitedBy, float] = {
         "rows": _with_evidence(design, candidate, precision, by_chance(kinds)),
@@ -128,8 +133,8 @@ def _smallest(design: Design, unit: Finding, precision: float, spread: tuple[flo
     size = least[limit] + _SURE * error
     low, high = bounds_of(candidate)
     if size >= max(-float(low[0]), float(high[0])):
-        return Smallest(candidate, None, None, "bounds", precision)
-    return Smallest(candidate, size, size * rms, limit, precision)
+        return Smallest(candidate, None, None, "bounds", precision, from_torques)
+    return Smallest(candidate, size, size * rms, limit, precision, from_torques)
 
 
 def _with_evidence(design: Design, candidate: Candidate, precision: float, least: float) -> float:

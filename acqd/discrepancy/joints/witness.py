@@ -47,9 +47,37 @@ class Information:
         """Twice the log-likelihood ratio of the best parameters against no effect."""
         return float(quadratic_form(self.precision, self.product)[0])
 
+    def along(self, coefficients: Floats) -> float:
+        """Inverse variance of a common factor of these parameters."""
+        return float(coefficients @ self.precision @ coefficients)
+
     def gain(self, coefficients: Floats) -> float:
         """Twice the log-likelihood ratio of these parameters against no effect."""
         return float(2 * coefficients @ self.product - coefficients @ self.precision @ coefficients)
+
+
+@dataclass(frozen=True, slots=True)
+class TwoWitnesses:
+    """What power and torques say about the size of a finding, in units of that size."""
+
+    power: float
+    """Inverse variance of the size, by power alone."""
+    torques: float
+    power_says: float = 1.0
+    """The size, by power alone."""
+    torques_say: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Differences:
+    """What unchanged sessions differ by in torques, in units of a finding."""
+
+    sizes: Floats
+    """[sessions] of the reference, each by a base model that knows the others."""
+    information: Floats
+    """[sessions] inverse variance of a size in white noise."""
+    usual: float
+    """Standard deviation before any were compared."""
 
 
 class Witness:
@@ -105,16 +133,40 @@ class Witness:
 
         `scanned`: the variant's columns index all scanned shapes side by side; else those of its own shape.
         """
+        asked = [each for each in self.sessions if each.in_question and weights.get(each.name, 0.0) > 0]
+        counted = [(each, weights[each.name]) for each in asked]
+        return self._about(effect_id, variant, counted, self._reference, self.learning_rate, scanned=scanned)
+
+    def differences(
+        self, effect_id: str, variant: Variant, weights: dict[str, float], coefficients: Floats, *, scanned: bool
+    ) -> Differences:
+        """Of sizes in units of `coefficients` [k]; the other arguments as in `information`.
+
+        Before any were compared, the mean square of z in a session is `usual_dispersion`, as for the learning rate.
+        """
+        known = self.information(effect_id, variant, weights, scanned=scanned).along(coefficients)
+        a_session = known / (self.learning_rate * max(sum(weights.values()), 1e-9))
+        sizes, information = [], []
+        for session in self._reference if len(self._reference) > 1 else []:
+            others = [other for other in self._reference if other is not session]
+            found = self._about(effect_id, variant, [(session, 1.0)], others, 1.0, scanned=scanned)
+            if found.along(coefficients) > _LEAST_SHARE * a_session:
+                information.append(found.along(coefficients))
+                sizes.append(float(coefficients @ found.product) / information[-1])
+        usual = np.sqrt((THRESHOLDS.usual_dispersion - 1) / max(a_session, 1e-12))
+        return Differences(np.array(sizes), np.array(information), float(usual))
+
+    def _about(
+        self, effect_id: str, variant: Variant, counted: list[tuple[Session, float]], reference: list[Session],
+        rate: float, *, scanned: bool,
+    ) -> Information:  # fmt: skip
+        """From sessions and how often each counts, beside the base model of a reference."""
         products = self._products(effect_id, None if scanned else variant)
         columns = list(variant.columns if scanned else variant.place.columns)
         mix = np.eye(len(columns)) if variant.place.mix is None else variant.place.mix
-        chosen = [
-            (session, products[session.name].taken(columns), weights[session.name])
-            for session in self.sessions
-            if session.in_question and weights.get(session.name, 0.0) > 0
-        ]
-        S, h = self._schur(chosen, self._reference, len(columns))
-        rate, ratio = self.learning_rate, self.observed.ratio
+        chosen = [(session, products[session.name].taken(columns), weight) for session, weight in counted]
+        S, h = self._schur(chosen, reference, len(columns))
+        ratio = self.observed.ratio
         return Information(rate * ratio**2 * mix.T @ S @ mix, rate * ratio * mix.T @ h)
 
     def _schur(

@@ -66,13 +66,17 @@ def search(
     shapes: list[Floats] | None = None,
     signs: tuple[int, ...] = (1,),
     dwells: tuple[int, ...] = _DWELLS,
+    noise: list[Floats] | None = None,
 ) -> States | None:
-    """The likeliest states of residuals [T] W per segment; None if no switching pays its price."""
+    """The likeliest states of residuals [T] W per segment; None if no switching pays its price.
+
+    `noise` [T]: standard deviations of white rows, relative to the noise model's.
+    """
     shapes = shapes or [np.ones(len(each)) for each in residuals]
     rms = float(np.sqrt(np.mean(np.concatenate(shapes) ** 2)))
     unit = whitener.innovation / max(rms, 1e-9)
     starts = [sign * size * unit for size in _SIZES for sign in signs]
-    states = _likeliest(residuals, whitener, shapes, starts, dwells, _ROUNDS)
+    states = _likeliest(residuals, whitener, shapes, starts, dwells, _ROUNDS, noise)
     rarest = THRESHOLDS.switching_rarest
     return states if states is not None and rarest < states.share < 1 - rarest else None
 
@@ -89,10 +93,12 @@ def _likeliest(
     starts: list[float],
     dwells: tuple[int, ...],
     rounds: int,
+    noise: list[Floats] | None = None,
 ) -> States | None:
+    noise = noise or [np.ones(len(each)) for each in everywhere]
     lost = len(whitener.taps) - 1
     long = [k for k, each in enumerate(everywhere) if len(each) > 2 * lost]  # in shorter segments the load stays off
-    white = [_prepared(everywhere[k], levels[k], whitener) for k in long]
+    white = [_prepared(everywhere[k], levels[k], whitener, noise[k][lost:] ** -2) for k in long]
     best: _Optimum | None = None
     for dwell in dwells if long else ():
         for found in _settle(white, starts, dwell, rounds):
@@ -116,19 +122,24 @@ class _Optimum:
     paths: list[NDArray[np.bool_]]
 
 
-def _prepared(residual: Floats, shape: Floats, whitener: Whitener) -> Floats:
-    """[5, T - order] a `White`: row k is row k + order of the segment."""
+def _prepared(residual: Floats, shape: Floats, whitener: Whitener, weight: Floats) -> Floats:
+    """[5, T - order] a `White`: row k is row k + order of the segment, whose square counts by its `weight`."""
     lost = len(whitener.taps) - 1
-    w = whitener.apply(residual)
+    w = whitener.apply(residual) * weight
     level = whitener.apply(shape)
     response = np.cumsum(whitener.taps)
     transient = (response - response[-1])[:-1]
-    ahead = np.concatenate([w, np.zeros(lost)])
-    level_ahead = np.concatenate([level, np.zeros(lost)])
-    z = np.correlate(ahead, transient, "valid")[: len(w)]
-    cross = np.correlate(level_ahead, transient, "valid")[: len(w)]
+    nothing = np.zeros(lost)
+    z, cross, cost = (
+        np.correlate(np.concatenate([rows, after]), seen, "valid")[: len(w)]
+        for rows, after, seen in (
+            (w, nothing, transient),
+            (level * weight, nothing, transient),
+            (weight, nothing + weight[-1], transient**2),
+        )
+    )
     c = shape[lost:]
-    return np.stack(White(w * level, level**2, c * z, c**2 * float(transient @ transient), c * cross))
+    return np.stack(White(w * level, level**2 * weight, c * z, c**2 * cost, c * cross))
 
 
 def _settle(white: list[Floats], starts: list[float], dwell: int, rounds: int) -> Iterator[_Optimum]:

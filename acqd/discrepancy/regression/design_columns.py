@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
@@ -107,8 +107,8 @@ class Part:
     """Within the segment: the block's own rows, and before them the rows of its past."""
     past: int
     """Number of rows before the block's own: the noise order, or 0 for the first block of a segment."""
-    noise: float = 1.0
-    """Standard deviation of the recording's noise relative to that of the noise model."""
+    noise: Floats | float = field(default=1.0, compare=False)
+    """[own rows] standard deviation of the noise relative to that of the noise model."""
 
     @property
     def own(self) -> slice:
@@ -139,6 +139,16 @@ class DesignColumns:
     """[T, base and effects] W: the first columns, those of the base model and of all effects, in another scene."""
     load: CommonLoad | None = None
     """That switches on both sides."""
+    rising: float = 0.0
+    """Of the noise's variance with the square of the power that is new in a row (`row_noise`)."""
+
+    def noise(self, segment: int) -> Floats:
+        """[T] standard deviation of a segment's white rows, relative to that of the noise model."""
+        deviation = np.ones(len(self.residual[segment]))
+        for part in self.parts:
+            if part.segment == segment:
+                deviation[part.own] = part.noise
+        return deviation
 
     @property
     def dynamic_range(self) -> float:

@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from acqd.arrays import Floats
 from acqd.discrepancy.joints.observations import session_key
-from acqd.discrepancy.joints.witness import Information, Witness
+from acqd.discrepancy.joints.witness import Differences, Information, Witness
 from acqd.discrepancy.regression.design_columns import Candidate, DesignColumns, Part
 from acqd.discrepancy.regression.gram import Blocks, Gram, Indices, upper_triangle
 from acqd.discrepancy.regression.white_rows import block_rows, white_rows
+from acqd.models.effects.places import Variant
 from acqd.residual.whitening import Whitener
 
 
@@ -45,11 +46,9 @@ class Design:
     ) -> Design:
         """Whitened by one noise model; `products`: `white_products` of every block, all of whose rows are trusted.
 
-        They are the largest arrays beside the columns, and become the design's own.
+        They are the largest arrays beside the columns, and belong to the design from now on.
         """
         y = columns.values[0].shape[1]
-        for each, part in zip(products, columns.parts, strict=True):
-            each /= part.noise**2
         white = tuple(products)
         squares = np.array([_squares(columns, part, np.s_[:]) for part in columns.parts])
         empty = np.empty((len(products), y + 1, 0))
@@ -89,15 +88,37 @@ class Design:
 
     def at_joints(self, candidate: Candidate, weights: Floats) -> Information | None:
         """What logged torques say about a candidate; `weights` [blocks]: how often a block counts. None: nothing."""
+        asked = self._asked_of_joints(candidate)
+        if asked is None:
+            return None
+        witness, variant = asked
+        return witness.information(
+            candidate.id, variant, self._sessions_at_joints(weights), scanned=candidate.fitted is None
+        )
+
+    def differences_at_joints(self, candidate: Candidate, weights: Floats, coefficients: Floats) -> Differences | None:
+        """What unchanged sessions differ by in torques, in units of `coefficients`; as `at_joints`."""
+        asked = self._asked_of_joints(candidate)
+        if asked is None:
+            return None
+        witness, variant = asked
+        return witness.differences(
+            candidate.id, variant, self._sessions_at_joints(weights), coefficients, scanned=candidate.fitted is None
+        )
+
+    def _asked_of_joints(self, candidate: Candidate) -> tuple[Witness, Variant] | None:
         witness, variant = self.witness, candidate.fitted or candidate.variant
         if witness is None or variant is None or candidate.detected or not witness.sees(candidate.id):
             return None
+        return witness, variant
+
+    def _sessions_at_joints(self, weights: Floats) -> dict[str, float]:
+        """How often a session in question counts, by its name; `weights` [blocks]."""
         shares: dict[str, list[float]] = {}
         for part, weight in zip(self.parts, weights, strict=True):
             if part.in_question:
                 shares.setdefault(session_key(part.recording, in_question=True), []).append(float(weight))
-        sessions = {name: float(np.mean(each)) for name, each in shares.items()}
-        return witness.information(candidate.id, variant, sessions, scanned=candidate.fitted is None)
+        return {name: float(np.mean(each)) for name, each in shares.items()}
 
     def with_trusted(self, trusted: tuple[NDArray[np.bool_], ...]) -> Design:
         """With other trusted rows; Gram matrices of blocks where other rows are trusted are computed again."""
@@ -145,7 +166,7 @@ class Design:
                 added[part.segment],
             )
             white = white_rows(self.whitener, part, values) * good[:, None]
-            white = self.whitener.back(white / part.noise, past=part.past > 0)
+            white = self.whitener.back((white.T / part.noise).T, past=part.past > 0)
             products.append(np.concatenate([(white.T @ each[part.rows]).T for each in everything]))
             if part.in_question:
                 squares[number, indices] = (values[part.past :][good] ** 2).sum(axis=0)

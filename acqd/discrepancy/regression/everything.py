@@ -12,6 +12,7 @@ from acqd.arrays import Floats
 from acqd.discrepancy.regression.design_columns import DesignColumns
 from acqd.discrepancy.regression.gram import symmetric
 from acqd.discrepancy.regression.least_squares import Column
+from acqd.discrepancy.regression.row_noise import new_power, rising_of, usual_noise
 from acqd.discrepancy.regression.torque_alternatives import torque_groups
 from acqd.discrepancy.regression.white_rows import white_products, white_rows
 from acqd.numerics import mad_sigma, solve_scaled_ridge
@@ -27,7 +28,7 @@ def left_by_everything(
 ) -> dict[int, Floats]:
     """[T] W of known rows by segment with weighted blocks: residuals of a fit of all columns to those blocks."""
     parts = [part for part, weight in zip(columns.parts, weights, strict=True) if weight]
-    beta = _fit(columns, base, (white_products(columns, whitener, part) / part.noise**2 for part in parts))
+    beta = _fit(columns, base, (white_products(columns, whitener, part) for part in parts))
     open_ = sorted({part.segment for part in parts})
     known = {k: known_rows(columns.segments[k]) for k in open_}
     return {k: columns.residual[k][known[k]] - columns.values[k][known[k]] @ beta for k in open_}
@@ -49,20 +50,28 @@ def inliers(
 def with_noise(
     columns: DesignColumns, whitener: Whitener, base: list[Column], products: Sequence[Floats]
 ) -> DesignColumns:
-    """With the noise of each recording: fast motion may have ten times the noise of slow motion.
+    """With the noise of each row: fast motion may have ten times the noise of slow motion.
 
     `products`: `white_products` of every block.
 
-    One noise for all would let a few loud recordings decide, and the quiet ones would say nothing. The noise is
-    relative to the median of the side's recordings: what an unknown cause adds to all of a side is no noise.
+    One noise for all would let a few loud rows decide, and the quiet ones would say nothing. The noise rises with the
+    power (`row_noise`), and differs between recordings. That of a recording is relative to the median of the side's
+    recordings: what an unknown cause adds to all of a side is no noise.
     """
+    left = _white_left(columns, whitener, base, products)
+    power = [new_power(columns, whitener, part) for part in columns.parts]
+    rising = rising_of(np.concatenate(left), np.concatenate(power))
+    usual = [usual_noise(rising, each) for each in power]
     rows: dict[tuple[bool, str], list[Floats]] = {}
-    for part, white in zip(columns.parts, _white_left(columns, whitener, base, products), strict=True):
-        rows.setdefault((part.in_question, part.recording), []).append(white)
+    for part, white, deviation in zip(columns.parts, left, usual, strict=True):
+        rows.setdefault((part.in_question, part.recording), []).append(white / deviation)
     spread = {key: mad_sigma(np.concatenate(each), 0.0) + 1e-9 for key, each in rows.items()}
-    usual = {side: float(np.median([s for key, s in spread.items() if key[0] == side])) for side, _ in spread}
-    noise = [spread[part.in_question, part.recording] / usual[part.in_question] for part in columns.parts]
-    return replace(columns, parts=tuple(replace(p, noise=n) for p, n in zip(columns.parts, noise, strict=True)))
+    medians = {side: float(np.median([s for key, s in spread.items() if key[0] == side])) for side, _ in spread}
+    parts = tuple(
+        replace(part, noise=deviation * spread[part.in_question, part.recording] / medians[part.in_question])
+        for part, deviation in zip(columns.parts, usual, strict=True)
+    )
+    return replace(columns, parts=parts, rising=rising)
 
 
 def _white_left(
@@ -75,7 +84,7 @@ def _white_left(
         blocks = np.flatnonzero(side).tolist()
         if not blocks:
             continue
-        beta = _fit(columns, base, (products[number] / columns.parts[number].noise ** 2 for number in blocks))
+        beta = _fit(columns, base, (products[number] for number in blocks))
         for number in blocks:
             part = columns.parts[number]
             measured = columns.residual[part.segment][part.rows]

@@ -80,8 +80,8 @@ def set_up(comparison: Comparison, progress: Callable[[float], None]) -> Setup:
     left = list(left_by_everything(columns, Whitener.of(list(columns.residual)), base, noise_weights).values())
     whitener = Whitener.of(left)
     slow = Whitener.of(left, 3 * NOISE.noise_order)
+    columns = with_noise(columns, whitener, base, [white_products(columns, whitener, part) for part in columns.parts])
     products = [white_products(columns, whitener, part) for part in columns.parts]
-    columns = with_noise(columns, whitener, base, products)
     design = Design.of(columns, whitener, slow, inliers(columns, whitener, base, products), products)
     design = replace(design, witness=Witness.of(comparison.model, comparison.robot, segments, columns.scenes))
     common = _common(design) if comparison.reference else []

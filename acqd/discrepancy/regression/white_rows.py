@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -22,10 +21,11 @@ def block_rows(columns: DesignColumns, part: Part) -> NDArray[np.float32]:
 
 def white_rows(whitener: Whitener, part: Part, values: NDArray[Any]) -> Floats:
     """White rows of a block from its rows and its past."""
-    return (whitener.apply(values) if part.past else whitener.from_start(values)) / part.noise
+    white = whitener.apply(values) if part.past else whitener.from_start(values)
+    return np.asarray((white.T / part.noise).T)
 
 
 def white_products(columns: DesignColumns, whitener: Whitener, part: Part) -> Floats:
-    """Upper triangle of the products [p + 1, p + 1] of a block's white rows, before they are divided by its noise."""
-    white = white_rows(whitener, replace(part, noise=1.0), block_rows(columns, part))
+    """Upper triangle of the products [p + 1, p + 1] of a block's white rows."""
+    white = white_rows(whitener, part, block_rows(columns, part))
     return upper_triangle(white.T @ white)

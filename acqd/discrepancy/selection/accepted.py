@@ -184,7 +184,7 @@ class Selection:
         regression = self.regression
         for each in self.effects:
             regression = regression.without(each.key)
-        return replace(self.rows, regression=regression)
+        return replace(self.rows, design=replace(self.rows.design, witness=self.witness), regression=regression)
 
     @property
     def verdict(self) -> Verdict:

@@ -20,7 +20,7 @@ import numpy as np
 from scipy.special import log_ndtr
 
 from acqd.arrays import Floats
-from acqd.discrepancy.joints.witness import Information
+from acqd.discrepancy.joints.witness import Information, TwoWitnesses
 from acqd.discrepancy.regression.design_columns import Candidate
 from acqd.discrepancy.regression.design_matrix import Design
 from acqd.discrepancy.regression.gram import Indices
@@ -44,6 +44,8 @@ class Finding:
     """Twice the log Bayes factor against no effect, what was searched for paid."""
     at_joints: float = 0.0
     """Part of the evidence that logged torques contribute; negative where they contradict the power."""
+    witnesses: TwoWitnesses | None = None
+    """Of the size, coefficients in proportion; None where logged torques say nothing about it."""
     forbidden: float = 0.0
     """Evidence that sizes beyond their physical bounds add to those within."""
 
@@ -149,7 +151,9 @@ def _judged(
             paid = 2 * np.log(candidate.tried) + candidate.cost * searched + rate * candidate.usual
             joints = 0.0 if one.at_joints is None else one.at_joints.gain(theta)
             forbidden = beyond_bounds(one.S + np.diag(one.D**-2.0), one.h, theta)
-            yield Finding(candidate, theta, deviation, float(evidence - paid), joints, forbidden)
+            yield Finding(
+                candidate, theta, deviation, float(evidence - paid), joints, _witnesses(one, theta), forbidden
+            )
 
 
 class _Acting(NamedTuple):
@@ -162,6 +166,17 @@ class _Acting(NamedTuple):
     D: Floats
     low: Floats
     high: Floats
+
+
+def _witnesses(one: _Acting, theta: Floats) -> TwoWitnesses | None:
+    """Of both, along coefficients [k]; None where one of them says nothing."""
+    if one.at_joints is None:
+        return None
+    torques, of_torques = one.at_joints.along(theta), float(theta @ one.at_joints.product)
+    power, of_power = float(theta @ one.S @ theta) - torques, float(theta @ one.h) - of_torques
+    if min(power, torques) <= 0:
+        return None
+    return TwoWitnesses(power, torques, of_power / power, of_torques / torques)
 
 
 def posterior(S: Floats, h: Floats, D: Floats, low: Floats, high: Floats) -> tuple[Floats, Floats, Floats]:

@@ -74,12 +74,46 @@ def beyond_sessions(design: Design, regression: Regression, finding: Finding, ga
     """
     if not sessions_of(design.parts, in_question=False):
         return np.inf
-    variance, freedom = variance_of_sessions(design, regression, finding, gate)
+    variance, freedom = variances_of_sizes(design, regression, [finding], gate)[0]
     return float(-2 * (np.log(2) + student.logsf(variance**-0.5, freedom)))
 
 
+def variances_of_sizes(
+    design: Design, regression: Regression, findings: Sequence[Finding], gate: Floats, more: More = AS_IT_IS
+) -> list[tuple[float, float]]:
+    """Variances of findings' sizes where nothing has changed, in squared units of the finding, and their freedom.
+
+    Where torques say something, of the mean of what power and torques say, weighted by the inverse of their variances:
+    unchanged sessions differ in both, independently, and often less in torques.
+    """
+    of_power = variances_of_sessions(design, regression, findings, gate, more)
+    return [
+        (_of_both(design, finding, variance, gate, more), freedom)
+        for finding, (variance, freedom) in zip(findings, of_power, strict=True)
+    ]
+
+
+def _of_both(design: Design, finding: Finding, in_power: float, gate: Floats, more: More) -> float:
+    """Variance of the weighted mean, in squared units of the mean; infinite where that has another sign.
+
+    What both differ by beyond a 95 % interval counts as a variance between witnesses (DerSimonian and Laird 1986).
+    """
+    both = finding.witnesses
+    seen = None if both is None else design.differences_at_joints(finding.candidate, gate, finding.coefficients)
+    if both is None or seen is None:
+        return in_power
+    in_torques = variance_of(design, seen.sizes, seen.information, seen.usual, gate, more)
+    of_power, of_torques = 1 / both.power + in_power, 1 / both.torques + in_torques
+    usual = THRESHOLDS.interval_width**2 * (of_power + of_torques)
+    between = max((both.power_says - both.torques_say) ** 2 - usual, 0.0) / 2
+    power, torques = 1 / (of_power + between), 1 / (of_torques + between)
+    variance = (power**2 * (in_power + between) + torques**2 * (in_torques + between)) / (power + torques) ** 2
+    size = (power * both.power_says + torques * both.torques_say) / (power + torques)
+    return variance / size**2 if size > 0 else np.inf
+
+
 def variance_of_sessions(design: Design, regression: Regression, finding: Finding, gate: Floats) -> tuple[float, float]:
-    """Variance of a finding's size where nothing has changed, in squared units of the finding, and its freedom.
+    """Variance of a finding's size in power where nothing has changed, in squared units of the finding; its freedom.
 
     Of the mean of the sessions under `gate` [blocks] about that of the reference's sessions, and between
     days, which differ as much as the sessions of a day; recordings that were added from another session are of another

@@ -18,7 +18,7 @@ class SelectionThresholds:
         0.02, "probability", "selection", "convention", "pi: probability of a name where nothing is"
     )
     usual_surprise: float = threshold(
-        3.0, "mean square of z", "selection", "study", "of any effect in an unchanged session, before any was compared"
+        1.6, "mean square of z", "selection", "study", "of any effect in an unchanged session, before any was compared"
     )
     usual_difference: float = threshold(
         0.001,

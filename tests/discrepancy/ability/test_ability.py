@@ -5,12 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from acqd.discrepancy import stand_ins
 from acqd.discrepancy.ability.ability import Ability, table_of
 from acqd.discrepancy.ability.pairs import rivals_of
 from acqd.discrepancy.ability.smallest import smallest_sizes
+from acqd.discrepancy.joints.witness import TwoWitnesses
 from acqd.discrepancy.selection.judging import judged, kinds_of
 from acqd.discrepancy.selection.ranking import Finding, ranked
-from acqd.discrepancy.selection.spread import variance_of_sessions
+from acqd.discrepancy.selection.spread import variances_of_sizes
 from acqd.discrepancy.thresholds import THRESHOLDS
 from tests.builders import recording
 from tests.discrepancy.independent import COMMON, selected
@@ -23,6 +25,15 @@ def rows(model, robot):
     after = [recording(model, k, rows=400, seed=2, start_s=1e9 + 5000) for k in range(5)]
     _, selection = selected(model, robot, after, before, COMMON)
     return selection.unexplained
+
+
+@pytest.fixture(scope="module")
+def seeing(rows, robot):
+    """The same recordings with torques of joint sensors, of a small error."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(stand_ins, "TORQUE_ERROR", 0.001)
+        witness = stand_ins.with_torques(rows.design.columns, robot, "link")
+    return replace(rows, design=replace(rows.design, witness=witness))
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +52,14 @@ def with_size(rows, gate, place, size):
     precision, prior = place.precision, finding.deviation[0] ** -2 - place.precision
     square = precision**2 * size**2 / (precision + prior)
     paid = np.log(1 + precision / max(prior, 1e-300)) + 2 * np.log(place.candidate.tried)
-    return replace(finding, coefficients=np.array([size]), evidence=square - paid)
+    both = witnesses(place, size)
+    return replace(finding, coefficients=np.array([size]), evidence=square - paid, witnesses=both)
+
+
+def witnesses(place, size):
+    """Power and torques that say the same."""
+    torques = place.from_torques * place.precision * size**2
+    return TwoWitnesses(place.precision * size**2 - torques, torques) if torques else None
 
 
 def test_an_estimate_of_the_smallest_size_passes_every_rule(rows, gate, sizes):
@@ -50,6 +68,23 @@ def test_an_estimate_of_the_smallest_size_passes_every_rule(rows, gate, sizes):
     for place in sizes:
         finding = with_size(rows, gate, place, place.size)
         assert judged(rows, gate, finding, [], kinds).missing == (), place.candidate.label
+
+
+def test_with_torques_the_rules_and_the_sizes_agree_and_sizes_are_smaller(seeing, gate, sizes):
+    """What sessions differ by in power is no limit for what torques show: the sizes are those of the loop's rules."""
+    kinds, without = kinds_of(seeing.design.columns.candidates), {each.candidate.key: each for each in sizes}
+    shown = [each for each in smallest_sizes(seeing, gate) if each.from_torques > 0 and each.size is not None]
+    assert {each.candidate.id for each in shown} == {"payload"}
+    for place in shown:
+        finding = with_size(seeing, gate, place, place.size)
+        assert judged(seeing, gate, finding, [], kinds).missing == (), place.candidate.label
+        smaller = 0.98 * (place.size - 1.645 * _error(seeing, gate, place))
+        assert judged(seeing, gate, with_size(seeing, gate, place, smaller), [], kinds).missing != ()
+    by_sessions = [e for e in shown if without[e.candidate.key].limited_by == "sessions"]
+    assert by_sessions and all(each.size < 0.8 * without[each.candidate.key].size for each in by_sessions)
+    for says in (-50.0, 50.0):  # torques without their power, of either sign
+        contradicted = replace(finding, witnesses=replace(finding.witnesses, power_says=0.0, torques_say=says))
+        assert "more than what unchanged" in str(judged(seeing, gate, contradicted, [], kinds).missing)
 
 
 def test_an_estimate_below_the_size_by_its_error_fails_the_rule_that_limits(rows, gate, sizes):
@@ -64,8 +99,8 @@ def test_an_estimate_below_the_size_by_its_error_fails_the_rule_that_limits(rows
 
 
 def _error(rows, gate, place):
-    unit = Finding(place.candidate, np.ones(1), np.zeros(1), 0.0)
-    variance, _ = variance_of_sessions(rows.design, rows.regression, unit, gate)
+    unit = Finding(place.candidate, np.ones(1), np.zeros(1), 0.0, witnesses=witnesses(place, 1.0))
+    ((variance, _),) = variances_of_sizes(rows.design, rows.regression, [unit], gate)
     return float(np.sqrt(1 / place.precision + variance))
 
 

@@ -90,6 +90,22 @@ def test_friction_shows_in_currents_and_not_behind_the_gear(model):
     assert not sensors.sees("copper_loss")
 
 
+def test_what_unchanged_sessions_differ_by_shows_in_torques(model):
+    """Four sessions that carry other bodies differ by more than the same body four times."""
+    weights = {"new r_2_00": 1.0, "new r_2_01": 1.0}
+    spreads = []
+    for kg in (0.0, 2.0):
+        bodies = [Payload(kg * (k % 2), (0.0, 0.0, 0.05)) for k in range(4)]
+        segments = [(logged(model, k, 1, payload=body), False) for k, body in enumerate(bodies)]
+        segments += [(logged(model, k, 2), True) for k in range(2)]
+        witness = Witness.of(model, ROBOT, segments, [segment_scene(model, segment) for segment, _ in segments])
+        place = next(v for v in library()["payload"].variants(witness.observed.scenes[0]) if v.place.where == "flange")
+        seen = witness.differences("payload", place, weights, np.ones(1), scanned=True)
+        assert len(seen.sizes) == len(seen.information) == 4 and seen.usual > 0
+        spreads.append(float(np.std(seen.sizes)))
+    assert spreads[1] > 0.8 > 4 * spreads[0]
+
+
 def test_without_torques_on_both_sides_there_is_no_witness(model):
     bare = recording(model, 0, rows=300)
     both = [(logged(model, 1, 1), False), (bare, True)]

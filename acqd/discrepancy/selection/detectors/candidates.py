@@ -133,9 +133,9 @@ class _Search:
 
     def among(self, residuals: list[Floats], segments: list[int]) -> switching.States | None:
         """States in some segments."""
-        return switching.search(
-            [residuals[k] for k in segments], self.whitener, [self.levels[k] for k in segments], self.signs
-        )
+        noise = [self.design.columns.noise(k) for k in segments]
+        levels = [self.levels[k] for k in segments]
+        return switching.search([residuals[k] for k in segments], self.whitener, levels, self.signs, noise=noise)
 
     def columns(self, states: switching.States) -> list[Floats]:
         """[T, 1] per segment of the design."""
