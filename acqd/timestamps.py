@@ -57,8 +57,8 @@ def parse_times(path: Path, name: str, cells: Sequence[object], numbers: Sequenc
     if _FILETIME_1970 < largest < _FILETIME_2100:  # as ns, of 1973 or 1974
         raise InputError(path, f"column {name}: {largest:.6g} looks like a FILETIME: name the column filetime")
     _require_times(path, name, float(values.min()) * unit, float(values.max()) * unit)
-    if all(isinstance(cell, int) for cell in cells[:1]):
-        return np.array(cells, dtype=np.int64) * unit
+    if all(isinstance(cell, int) or (unit == 1 and str(cell).strip().isdecimal()) for cell in cells):
+        return np.array([int(str(cell)) for cell in cells], dtype=np.int64) * unit
     whole = np.floor(values)
     return whole.astype(np.int64) * unit + np.rint((values - whole) * unit).astype(np.int64)
 
@@ -104,15 +104,16 @@ def unix_s(filetime_100ns: int) -> float:
 
 
 def _parse_rfc3339(path: Path, text: str, row: int) -> int:
+    inserted = _LEAP_SECOND.match(text) if ":60" in text else None
     try:
-        stamp = datetime.fromisoformat(_LEAP_SECOND.sub(r"\g<1>59", text))
+        stamp = datetime.fromisoformat(text if inserted is None else _LEAP_SECOND.sub(r"\g<1>59", text))
     except ValueError:
         raise InputError(
             path,
             f"data row {row}: time {text!r:.40} is neither RFC 3339 nor a number: write 2026-01-27T08:00:00.000Z, or "
             "Unix seconds",
         ) from None
-    if _LEAP_SECOND.match(text):
+    if inserted is not None:
         stamp += timedelta(seconds=1)
     if stamp.tzinfo is None:
         stamp = stamp.replace(tzinfo=UTC)

@@ -110,9 +110,11 @@ def _number(path: Path, column: str, cell: object, row: int) -> float:
 
 
 def _flag_names(cell: object) -> tuple[str, ...]:
+    if not cell:
+        return ()
     if isinstance(cell, str):
         return tuple(re.findall(r"\w+", cell))  # a JSON list, or words
-    return tuple(cell or ())  # type: ignore[arg-type]
+    return tuple(cell)  # type: ignore[arg-type]
 
 
 _READERS: dict[str, Reader] = {

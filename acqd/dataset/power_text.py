@@ -74,12 +74,17 @@ def _csv_blocks(path: Path, file: BinaryIO, names: list[str], mark: str, first_l
 
 def _block(rows: list[tuple[str, ...]], names: list[str], mark: str, clock: str, before: int) -> Cells:
     columns: dict[str, Sequence[object]] = {
-        name: [cell.strip().replace(",", ".") for cell in cells]
+        name: [_with_point(cell.strip()) for cell in cells]
         if mark == ";" and name in _WITH_DECIMALS
         else [cell.strip() for cell in cells]
         for name, cells in zip(names, zip(*rows, strict=True), strict=True)
     }
     return Cells(clock, columns, len(rows), before)
+
+
+def _with_point(cell: str) -> str:
+    """A cell with a decimal point; one with separators of thousands as it is, so that its message shows it so."""
+    return cell if "." in cell else cell.replace(",", ".")
 
 
 def _cut_off(path: Path) -> str:
@@ -201,5 +206,6 @@ def json_line_cells(path: Path, notes: list[str]) -> Iterator[Cells]:
 
 
 def _json_block(rows: list[dict[str, Any]], clock: str, before: int) -> Cells:
-    names = [name for name in COLUMNS if any(name in row for row in rows)]
+    # device and channel always: a later row may be the first that names them
+    names = [name for name in COLUMNS if name in ("device", "channel") or any(name in row for row in rows)]
     return Cells(clock, {name: [row.get(name) for row in rows] for name in names}, len(rows), before)

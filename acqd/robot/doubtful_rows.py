@@ -148,9 +148,8 @@ def _repeated(time: Floats, x: Floats, step: Floats) -> tuple[Flags, Flags]:
     resolution = np.where(steps > 0, steps, np.inf).min(axis=0)
     finite = np.maximum(np.where(np.isfinite(resolution), resolution, 0.0), step)
     clear = (across > MOVING) & (steps > RESOLUTIONS * finite).any(axis=1)
-    next_s = (
-        time[first[1:]] - time[first[1:] - 1]
-    )  # beyond a pause of the recorder, the arm may have left a rest slowly
+    # beyond a pause of the recorder, the arm may have left a rest slowly
+    next_s = time[first[1:]] - time[first[1:] - 1]
     held = (np.diff(first) > 1) & (next_s < _FAR_ROWS * float(np.median(np.diff(time))))
     ahead = _ahead(time, x, first) & held & clear & np.concatenate([[False], clear[:-1]])
     early[first[:-1][ahead]] = True

@@ -318,10 +318,32 @@ def test_cells_are_read_as_programs_write_them(tmp_path, text, P):
         ("p.csv", "time,P,P\n1,2,3\n", "has several columns 'P'"),
         ("p.jsonl", '{"time": 1, "P": [1]}\n', r"data row 1: column P holds '\[1\]'"),
         ("p.jsonl", '{"time": [1, 2], "P": 1}\n', "column time: "),
-        ("p.csv", "time;P\n1;1.234,5\n", "column P holds '1.234.5'"),
+        ("p.csv", "time;P\n1;1.234,5\n", "column P holds '1.234,5'"),
     ],
 )
 def test_cells_that_are_no_numbers_are_named(tmp_path, name, text, said):
     (tmp_path / name).write_text(text)
     with pytest.raises(InputError, match=said):
         open_power(str(tmp_path / name), None, None)
+
+
+def test_a_whole_first_second_in_json_cuts_no_later_time(tmp_path):
+    """As JavaScript writes numbers: without a point where they are whole."""
+    times = [1_700_000_000, 1_700_000_000.25, 1_700_000_000.5, 1_700_000_000.75, 1_700_000_001]
+    rows = [f'{{"time": {time}, "P": {k}}}\n' for k, time in enumerate(times)]
+    (tmp_path / "p.jsonl").write_text("".join(rows))
+    assert np.diff(open_power(str(tmp_path / "p.jsonl"), None, None).time_ns).tolist() == [250_000_000] * 4
+
+
+def test_nanoseconds_in_text_keep_their_digits(tmp_path):
+    times = [1_700_000_000_123_456_789 + 40_000_001 * k for k in range(4)]
+    (tmp_path / "p.csv").write_text("time,P\n" + "".join(f"{time},{k}\n" for k, time in enumerate(times)))
+    assert open_power(str(tmp_path / "p.csv"), None, None).time_ns.tolist() == times
+
+
+def test_a_device_that_only_later_rows_of_json_name_is_another_one(tmp_path, monkeypatch):
+    monkeypatch.setattr("acqd.dataset.power_text.BLOCK_ROWS", 2)
+    rows = ['{"time": 1, "P": 1}\n', '{"time": 2, "P": 2}\n', '{"time": 3, "P": 1, "device": "b"}\n']
+    (tmp_path / "p.jsonl").write_text("".join(rows))
+    with pytest.raises(UserError, match="holds several devices"):
+        open_power(str(tmp_path / "p.jsonl"), None, None)
