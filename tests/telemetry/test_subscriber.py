@@ -86,9 +86,13 @@ def test_an_answer_that_this_process_has_not_read_yet_is_an_answer(mosquitto, mo
     now = 0.0
     monkeypatch.setattr(module, "time", clock)
     made = connect(BrokerAddress(port=mosquitto.port), hello())
-    now += 6.0
-    made.receive(0.0)  # a ping goes out
-    assert select.select([made._socket], [], [], 5.0)[0], "its answer is there"
+    for _ in range(50):
+        now += 6.0
+        made.receive(0.0)  # a ping goes out, whose answer may be read at once
+        if select.select([made._socket], [], [], 0.5)[0]:
+            break
+    else:
+        pytest.fail("every answer was read at once")
     now += 60.0  # the computer was asleep, or had other work
     assert made.receive(0.0) == []
     made.close()
