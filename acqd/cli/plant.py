@@ -88,7 +88,7 @@ def month_command(
     from acqd.energy.page import euros
     from acqd.energy.rules import rules_of
     from acqd.extras import require
-    from acqd.plant.month import month_page, month_range, read_month
+    from acqd.plant.month import month_name, month_page, month_range, read_month
     from acqd.report.digits import counted
     from acqd.storage.database import read_database
 
@@ -96,12 +96,12 @@ def month_command(
     settings = _settings(config, tariff)
     rules = rules_of(settings.energy)
     chosen, earlier = month_range(month, time.time(), rules.zone)
-    require_writable(out or Path("plant.html"))
+    path = out or Path(f"plant-{month_name(chosen, rules.zone)}.html")
+    require_writable(path)
     told = _found(fleet)
     with progress(terminal(stderr=True)) as show:
         engine = read_database(database or settings.sink.database)
         found = read_month(engine, rules, chosen, earlier, told, show)
-    path = out or Path(f"plant-{found.name}.html")
     month_page(found, path).write(path)
     total = found.total
     if json:

@@ -61,8 +61,8 @@ def read_columns(file: Path) -> dict[str, NDArray[Any]]:
         raise InputError(file, f"{'is no file' if file.exists() else 'no such file'}; build the dataset again")
     try:
         columns = read_parquet(file)
-    except OtherWriterError:
-        require(f"{file}, of a dataset that acqd 0.3 or earlier has built,", ("pyarrow",), "parquet")
+    except OtherWriterError as other:  # acqd up to 0.3.0 wrote with pyarrow
+        require(f"{file}, {other},", ("pyarrow",), "parquet")
         from acqd.dataset.arrow import read_file
 
         columns = read_file(file)

@@ -55,7 +55,7 @@ class Month:
     @property
     def name(self) -> str:
         """As 2026-10."""
-        return f"{datetime.fromtimestamp(self.chosen.begin, self.rules.zone):%Y-%m}"
+        return month_name(self.chosen, self.rules.zone)
 
     @property
     def total(self) -> Period:
@@ -71,6 +71,11 @@ class Month:
             return None
         known = [demand.W for demand in demands if demand is not None]
         return float(tariff.capacity_price) * sum(known) / 1000 if len(known) == len(demands) else None
+
+
+def month_name(month: Range, zone: ZoneInfo) -> str:
+    """As 2026-10."""
+    return f"{datetime.fromtimestamp(month.begin, zone):%Y-%m}"
 
 
 def month_range(text: str | None, now: float, zone: ZoneInfo) -> tuple[Range, Range]:

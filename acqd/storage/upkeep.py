@@ -34,7 +34,8 @@ _FIRST_S = 600.0
 _MOVING = "maintenance: rows of an earlier acqd"
 """A trouble of its own: it is over with the next look, and the rest of the maintenance has its turn much later."""
 _REFUSED = "refused rows"
-_DIGITS = re.compile("[0-9]+")
+_NUMBER = re.compile(r"(?<![\w-])\d[\d.,:+TZ-]*(?!\w)")
+"""That stands alone: an amount or a time, which changes while the trouble stays; not one within a name."""
 _LOOKS = 61
 """The rate at which the disk fills is of the last hour."""
 
@@ -165,7 +166,7 @@ class Upkeep:
 
     def _say(self, part: str, why: str) -> bool:
         """Whether it is a new trouble, and has been written to the log; empty: the trouble is over."""
-        new = bool(why) and _DIGITS.sub("", why) != _DIGITS.sub("", self._troubles[part])  # it may name the time
+        new = bool(why) and _NUMBER.sub("", why) != _NUMBER.sub("", self._troubles[part])
         self._troubles[part] = why
         if new:
             _log.error("%s: %s", part, why)

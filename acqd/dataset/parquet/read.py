@@ -13,11 +13,13 @@ from numpy.typing import NDArray
 from acqd.dataset.parquet import layout
 from acqd.dataset.parquet.thrift import Reader, Structure
 from acqd.errors import InputError
-from acqd.parquet_size import check_cells
+from acqd.parquet_size import MOST_CELLS, check_cells
 
 _END_BYTES = 8
 _PACKED = 1100
 """Bytes that one byte of a gzip stream holds at most (1032)."""
+_MOST_TEXT = 8 * MOST_CELLS
+"""Bytes of the different texts of a column: as much memory as the most numbers that are read at once."""
 
 
 class OtherWriterError(Exception):
@@ -75,7 +77,7 @@ def _values(file: BinaryIO, size: int, element: Structure, chunk: Structure, row
     data = file.read(chunk[7])
     texts, after = None, 0
     if kind == layout.BYTE_ARRAY:
-        content, after, head = _page(data, 0, _PACKED * len(data))
+        content, after, head = _page(data, 0, min(_PACKED * len(data), _MOST_TEXT))
         texts = _texts(content, head[7][1])
     most = {layout.BOOLEAN: rows // 8 + 1, layout.BYTE_ARRAY: 4 * rows + 64}.get(kind, 8 * rows)
     content, _, _ = _page(data, after, most)

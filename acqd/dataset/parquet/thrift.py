@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from acqd.varint import varint
+
 Structure = dict[int, Any]
 _TRUE, _FALSE, _BYTE, _I16, _I32, _I64, _DOUBLE, _BINARY, _LIST, _SET, _MAP, _STRUCT = range(1, 13)
 _DEEPEST = 16
@@ -17,16 +19,6 @@ _DEEPEST = 16
 
 class I32(int):
     """An integer that is written as one of 32 bits."""
-
-
-def varint(value: int) -> bytes:
-    """A natural number, seven bits a byte, the lowest first (ULEB128)."""
-    done = bytearray()
-    while value > 0x7F:
-        done.append(value & 0x7F | 0x80)
-        value >>= 7
-    done.append(value)
-    return bytes(done)
 
 
 def encoded(structure: Mapping[int, Any]) -> bytes:

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from acqd import __version__
 from acqd.dataset.parquet import layout
-from acqd.dataset.parquet.thrift import I32, Structure, encoded, varint
+from acqd.dataset.parquet.thrift import I32, Structure, encoded
+from acqd.varint import varint
 
 _GROUP_ROWS = 1_000_000
 """Rows that are written at a time: 8 MB of a column."""

@@ -6,6 +6,8 @@ import struct
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from acqd.varint import varint
+
 _INT64, _DOUBLE, _BOOLEAN, _STRING = 4, 10, 11, 12
 """Data types (Sparkplug 3.0, 6.4.16)."""
 Value = float | int | bool | str | None
@@ -44,24 +46,15 @@ def _absent(metric: Metric) -> bytes:
 
 
 def _key(field: int, wire: int) -> bytes:
-    return _varint(field << 3 | wire)
+    return varint(field << 3 | wire)
 
 
 def _number(field: int, value: int) -> bytes:
-    return _key(field, 0) + _varint(value)
+    return _key(field, 0) + varint(value)
 
 
 def _bytes(field: int, value: bytes) -> bytes:
-    return _key(field, 2) + _varint(len(value)) + value
-
-
-def _varint(value: int) -> bytes:
-    out = bytearray()
-    while value > 0x7F:
-        out.append(value & 0x7F | 0x80)
-        value >>= 7
-    out.append(value)
-    return bytes(out)
+    return _key(field, 2) + varint(len(value)) + value
 
 
 def asks_for_rebirth(content: bytes) -> bool:

@@ -173,12 +173,13 @@ class Segment:
             if now.st_nlink == 0:
                 return "gone"
             there = os.stat(self.path)
+            other = (there.st_dev, there.st_ino) != (now.st_dev, now.st_ino)  # or of a share that numbers files again
+            if other and (there.st_size != now.st_size or self._is_exchanged()):
+                return "gone"
         except FileNotFoundError:
             return "gone"
         except OSError:  # a share that is away: `append` meets that, too
             return ""
-        if (there.st_dev, there.st_ino) != (now.st_dev, now.st_ino) and there.st_size != now.st_size:
-            return "gone"  # of one size: a share that numbers its files anew
         return "" if now.st_size == self.size else "resized"
 
     def rescue(self) -> None:

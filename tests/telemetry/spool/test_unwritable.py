@@ -43,6 +43,20 @@ def test_rows_of_a_folder_that_is_moved_away_go_where_the_next_start_looks(tmp_p
     assert everything(Spool(folder)) == [row for k in range(21) for row in window(k)]
 
 
+def test_another_spools_file_of_the_same_size_is_not_taken_for_ones_own(tmp_path):
+    folder, theirs = tmp_path / "spool", b"another one's"
+    spool = Spool(folder)
+    spool.append(window(0))
+    (path,) = folder.glob("*.seg")
+    head, size = path.read_bytes()[:8], path.stat().st_size
+    folder.rename(tmp_path / "hidden")
+    folder.mkdir()
+    path.write_bytes((head + theirs).ljust(size, b"x"))
+    spool.close()
+    assert spool.deleted == 1 and theirs in path.read_bytes()
+    assert everything(Spool(folder)) == window(0)
+
+
 @pytest.fixture
 def mounted_over(tmp_path):
     """A spool with twenty windows, and what puts a folder with files of the same numbers in the place of its own."""
