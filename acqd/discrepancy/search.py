@@ -69,13 +69,17 @@ def _scenes(subject: Subject, segments: list[Segment]) -> Iterator[Scene]:
     return (segment_scene(subject.carrier, segment) for segment in segments)
 
 
-def _select(config: CloseConfig, subject: Subject, progress: Progress) -> Selection:
-    what = "computing the columns of all effects"
-    progress(what, 0.0)
-    comparison = Comparison(
+def comparison_of(subject: Subject) -> Comparison:
+    """The recordings in question, those held out left aside, beside the reference."""
+    return Comparison(
         model=subject.carrier, robot=subject.robot, in_question=subject.fit, reference=subject.reference,
         chosen=subject.chosen, withheld=subject.withheld,
         begins=begins_of([*subject.fit, *subject.held_out]),
     )  # fmt: skip
-    setup = set_up(comparison, lambda share: progress(what, share))
+
+
+def _select(config: CloseConfig, subject: Subject, progress: Progress) -> Selection:
+    what = "computing the columns of all effects"
+    progress(what, 0.0)
+    setup = set_up(comparison_of(subject), lambda share: progress(what, share))
     return select(setup, Limits(config.max_effects), lambda text: progress(text, 0.0))

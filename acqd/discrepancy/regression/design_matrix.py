@@ -14,7 +14,7 @@ from acqd.discrepancy.joints.observations import session_key
 from acqd.discrepancy.joints.witness import Differences, Information, Witness
 from acqd.discrepancy.regression.design_columns import Candidate, DesignColumns, Part
 from acqd.discrepancy.regression.gram import Blocks, Gram, Indices, upper_triangle
-from acqd.discrepancy.regression.white_rows import block_rows, white_rows
+from acqd.discrepancy.regression.white_rows import block_rows, by_noise, white_rows
 from acqd.models.effects.places import Variant
 from acqd.residual.whitening import Whitener
 
@@ -166,7 +166,7 @@ class Design:
                 added[part.segment],
             )
             white = white_rows(self.whitener, part, values) * good[:, None]
-            white = self.whitener.back((white.T / part.noise).T, past=part.past > 0)
+            white = self.whitener.back(by_noise(part, white), past=part.past > 0)
             products.append(np.concatenate([(white.T @ each[part.rows]).T for each in everything]))
             if part.in_question:
                 squares[number, indices] = (values[part.past :][good] ** 2).sum(axis=0)

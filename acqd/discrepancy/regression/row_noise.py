@@ -36,7 +36,7 @@ def rising_of(left: Floats, power: Floats) -> float:
 
     def surprise(log_rising: float) -> float:
         deviation = usual_noise(np.exp(log_rising), power)
-        return float(np.log(np.mean(size / deviation)) + np.mean(np.log(deviation)))
+        return float(np.log(np.mean(size / deviation) + 1e-9) + np.mean(np.log(deviation)))
 
     scale = -np.log(max(float(np.mean(power**2)), 1e-12))
     found = minimize_scalar(surprise, bounds=(scale - 15, scale + 5), method="bounded", options={"xatol": 1e-9})

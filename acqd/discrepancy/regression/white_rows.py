@@ -21,7 +21,11 @@ def block_rows(columns: DesignColumns, part: Part) -> NDArray[np.float32]:
 
 def white_rows(whitener: Whitener, part: Part, values: NDArray[Any]) -> Floats:
     """White rows of a block from its rows and its past."""
-    white = whitener.apply(values) if part.past else whitener.from_start(values)
+    return by_noise(part, whitener.apply(values) if part.past else whitener.from_start(values))
+
+
+def by_noise(part: Part, white: Floats) -> Floats:
+    """White rows [rows, ...] of a block, each divided by its noise."""
     return np.asarray((white.T / part.noise).T)
 
 

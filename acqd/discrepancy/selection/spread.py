@@ -46,12 +46,18 @@ AS_IT_IS = More()
 
 def learning_rate(design: Design, regression: Regression) -> float:
     """Share of a likelihood that can be believed, at most 1; the usual one without a reference."""
+    weight, found = THRESHOLDS.few_sessions, surprises(design, regression)
+    return (weight + len(found)) / (weight * THRESHOLDS.usual_surprise + sum(found))
+
+
+def surprises(design: Design, regression: Regression) -> list[float]:
+    """Mean square of z of all effects with one parameter, at least 1, for each session of the reference."""
     effects = library()
     columns = [
         candidate.indices for candidate in design.columns.candidates
         if candidate.id and candidate.size == 1 and effects[candidate.id].acts_on != "clock"
     ]  # fmt: skip
-    surprises: list[float] = []
+    found: list[float] = []
     if columns:
         used = np.unique(np.concatenate(columns))
         for blocks in sessions_of(design.parts, in_question=False).values():
@@ -60,10 +66,8 @@ def learning_rate(design: Design, regression: Regression) -> float:
             known = information > LEAST_POWER
             if known.any():
                 z_squared = competition.products[known] ** 2 / information[known]
-                surprises.append(max(float(z_squared.mean()), 1.0))
-    weight = THRESHOLDS.few_sessions
-    mean = (weight * THRESHOLDS.usual_surprise + sum(surprises)) / (weight + len(surprises))
-    return 1.0 / mean
+                found.append(max(float(z_squared.mean()), 1.0))
+    return found
 
 
 def beyond_sessions(design: Design, regression: Regression, finding: Finding, gate: Floats) -> float:

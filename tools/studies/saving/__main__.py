@@ -138,6 +138,8 @@ def summary(lines: list[dict[str, Any]]) -> dict[str, Any]:
         "programs": len({(each["plant"], each["program"]) for each in lines}),
         "proposals": len(known), "within_interval": sum(within), "coverage": float(np.mean(within)) if known else None,
         "coverage_error": _jackknife(np.array(within), plants), "one_plant_correlation": _alike(known, plants),
+        "coverage_by_robot": _shares(within, [plant.split("-")[0] for plant in plants]),
+        "coverage_by_plant": _shares(within, plants),
         "error_in_half_widths_rms": float(np.sqrt(np.mean(np.square(relative)))) if known else None,
         "median_half_width": float(np.median([each["half_J"] / each["before_J"] for each in known])) if known else None,
         "said_to_save": sum(each["verdict"] == "saves" for each in known), "of_these_worse": len(worse),
@@ -153,6 +155,14 @@ def summary(lines: list[dict[str, Any]]) -> dict[str, Any]:
             "longer, plain uniform slowing": median("longer", "plain uniform slowing", "measured_J"),
         },
     }  # fmt: skip
+
+
+def _shares(within: list[bool], groups: list[str]) -> dict[str, float]:
+    """Share of `within` in every group."""
+    return {
+        name: float(np.mean([one for one, group in zip(within, groups, strict=True) if group == name]))
+        for name in sorted(set(groups))
+    }
 
 
 def _jackknife(within: np.ndarray, plants: list[str]) -> float | None:
