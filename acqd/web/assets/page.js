@@ -14,9 +14,12 @@ const scripts = {}; // name -> promise; one that failed is asked for again
 const script = (name) => scripts[name] ??= new Promise((done, failed) => document.head.append(Object.assign(document.createElement("script"), { src: `/assets/${name}`, onload: done, onerror: (error) => { delete scripts[name]; failed(error); } })));
 const style = (name) => document.head.append(Object.assign(document.createElement("link"), { rel: "stylesheet", href: `/assets/${name}` }));
 const text = (value, digits) => value === null || value === undefined ? "-" : value.toFixed(digits);
+// no line ends between a number and its unit
+const unbroken = (text) => String(text ?? "").replace(/(\d) (?=(?:%|°C|ppm|EUR|min|h|[nµmkMGT]?(?:Wh?|VA|V|A|J|Hz|B|m|s))(?!\w))/g, "$1\u00a0");
 const put = (node, value) => {
-  if ((node.firstChild?.nodeValue ?? "") === value) return false;
-  node.textContent = value;
+  const text = unbroken(value);
+  if ((node.firstChild?.nodeValue ?? "") === text) return false;
+  node.textContent = text;
   return true;
 };
 const visibility = new IntersectionObserver((entries) => entries.forEach((entry) => visible.set(entry.target, entry.isIntersecting)));
