@@ -195,7 +195,7 @@ def _postgres_in(folder: Path) -> Iterator[str]:
     ready = [programs / "pg_isready", "-h", "127.0.0.1", "-p", str(port)]
     wait_for(lambda: subprocess.run(ready, check=False, **quiet).returncode == 0, "PostgreSQL answers")
     yield f"postgresql://acqd@127.0.0.1:{port}"
-    server.send_signal(signal.SIGINT)  # fast shutdown: do not wait for pooled connections
+    server.send_signal(signal.SIGQUIT)  # immediate: no checkpoint of a folder that goes, no wait for connections
     server.wait(LIMIT_S)
 
 
