@@ -57,12 +57,12 @@ class Judged:
 
 
 def judged(seed: int, report: dict[str, Any]) -> Judged:
-    """The sizes of a report.json that names a payload first."""
+    """The sizes of a report.json that names a payload, alone or beside others."""
     named = ", ".join(f"{each['id']} ({each['where']})" for each in report["effects"]) or report["verdict"]
-    first = report["effects"][0] if report["effects"] else None
-    if first is None or first["id"] != "payload":
+    payload = next((each for each in report["effects"] if each["id"] == "payload"), None)
+    if payload is None:
         return Judged(seed, named, {})
-    parameters = first["parameters"]
+    parameters = payload["parameters"]
     sizes = {
         name: (parameters[name]["value"], parameters[name]["ci95"])
         for name in TRUTH
