@@ -35,9 +35,7 @@ class Prediction:
     """[T], True for motion outside the envelope of the training data."""
     step_s: float
     note: str = ""
-    """Rows of the log that were left out or estimated; empty without such rows."""
-    stranger: str = ""
-    """What a user should know where the log is read as one of another robot than the model's; else empty."""
+    """Rows of the log that were left out or estimated, and another robot than the model's; empty without either."""
 
     def energy(self) -> float:
         """Energy of all predicted rows in kWh."""
@@ -70,12 +68,14 @@ def predict_log(bundle: Bundle, model: Predictor, path: Path, robot: str | None 
         raise InputError(
             path, f"has {log.q.shape[1]} axes, the model {model.axes}: is it a log of {bundle.metadata['robot']}?"
         )
-    trained = bundle.metadata["robot"]
+    prediction, trained = predict(bundle, model, log), bundle.metadata["robot"]
+    if robot is None or description.name == trained:
+        return prediction
     stranger = (
         f"read as a log of {description.name}, but the model is of {trained}: the power is what {trained} would draw; "
         "is that meant?"
     )
-    return replace(predict(bundle, model, log), stranger="" if description.name == trained else stranger)
+    return replace(prediction, note="; ".join([stranger, *filter(None, [prediction.note])]))
 
 
 def predict(bundle: Bundle, model: Predictor, log: RobotLog) -> Prediction:

@@ -36,8 +36,8 @@ def predict(
     prediction = predict_log(opened, model, log, robot)
     if out is not None:
         prediction.write(out)
-    for note in filter(None, (prediction.stranger, prediction.note)):
-        terminal(stderr=True).print(f"acqd: {log}: {note}")
+    if prediction.note:
+        terminal(stderr=True).print(f"acqd: {log}: {prediction.note}")
     share = float(prediction.outside.mean())
     if share > 0:
         terminal(stderr=True).print(
@@ -55,7 +55,6 @@ def predict(
         "energy_kWh": prediction.energy(),
         "outside_envelope": share,
         "left_out": prediction.note or None,
-        "stranger": prediction.stranger or None,
         "out": None if out is None else str(out),
     }
     if json:

@@ -45,7 +45,7 @@ def test_a_log_of_another_robot_is_doubted(trained, logs, tmp_path):
     other.write_text(text.replace('name = "iiwa7_r800"', 'name = "iiwa7_with_tool"'))
     done = acqd_here("predict", bundle, logs[0], "--robot", other, "--json")
     assert done.returncode == 0 and "read as a log of iiwa7_with_tool, but the model is of iiwa7_r800" in done.stderr
-    assert "is that meant?" in json.loads(done.stdout)["stranger"]
+    assert "is that meant?" in json.loads(done.stdout)["left_out"]
 
 
 def test_predicting_needs_neither_a_robot_library_nor_parquet(trained, logs):
