@@ -33,6 +33,8 @@ class Counter:
     at_ns: int = 0
     since: tuple[float, int] = (0.0, 0)
     """Reading and time of up to an hour ago, from which on it has risen no faster than a load could make it."""
+    leapt_ns: int | None = None
+    """When another, higher reading was believed."""
     too_fast: bool = False
     offset: float = 0.0
     """What earlier meters or registers counted [kWh]."""
@@ -65,9 +67,15 @@ class Counter:
         self.rounds += 1
         if self.last is None or not self._confirmed(now_ns):
             return None
+        assert self.doubt is not None  # else nothing is confirmed
+        if self.doubt > self.last and self.leapt_ns is not None and now_ns - self.leapt_ns < _HOUR_NS:
+            self.too_fast = True  # nobody exchanges a meter twice an hour
+            self.last, self.at_ns, self.doubt, self.leapt_ns = value, now_ns, None, now_ns
+            return None
         flags.discard(INVALID)
         flags.add(RESET)
-        assert self.doubt is not None  # else nothing is confirmed
+        if self.doubt > self.last:
+            self.leapt_ns = now_ns
         self.offset += self.last - self.doubt
         self.last, self.at_ns, self.doubt = max(value, self.doubt), now_ns, None
         self.since, self.too_fast = (self.last, now_ns), False
