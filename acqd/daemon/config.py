@@ -164,7 +164,7 @@ class _Daemon(Section):
     @property
     def watched(self) -> list[str]:
         """Devices whose samples are watched for voltage events."""
-        return self._sampled if self.events.enabled else []
+        return self.sampled if self.events.enabled else []
 
     @property
     def every_source(self) -> list[SourceSection]:
@@ -174,10 +174,10 @@ class _Daemon(Section):
     @property
     def archived(self) -> list[str]:
         """Devices whose samples are kept."""
-        return self._sampled if self.archive.enabled else []
+        return self.sampled if self.archive.enabled else []
 
     @property
-    def _sampled(self) -> list[str]:
+    def sampled(self) -> list[str]:
         """Devices that have samples."""
         if not self.sources:
             return [] if isinstance(self.source, MetersSection) else [self.device]
