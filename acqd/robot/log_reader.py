@@ -196,7 +196,7 @@ def _assemble(path: Path, table: Table, layout: LogColumns, columns: Columns) ->
     levels = {name: on_off(column) for name in ("tool", "brake") if (column := single(name)) is not None}
     signals = {name: column for name, column in levels.items() if column is not None}
     others_than = " and ".join(name for name, column in levels.items() if column is None)
-    note = f"{others_than} holds other values than 0 and 1, and is not used" if others_than else ""
+    note = f"{others_than} holds other cells than 0 and 1, and is not used" if others_than else ""
     there = {name: column for name in PER_AXIS[1:] if (column := values(name)) is not None}
     others: dict[str, Any] = {name: column for name, column in there.items() if np.isfinite(column).any()}
     power, voltage, current = single("power"), single("bus_voltage"), single("bus_current")
