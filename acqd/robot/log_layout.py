@@ -32,6 +32,8 @@ _GENERIC = LogColumns(
 )
 """The generic header: time, q1.., qd1.., tau1.., current1.., temperature1.., tool, brake, power, tcp1 .., labels."""
 
+_TELLING = 3
+"""Letters of a joint's name that is no part of other words."""
 Columns = dict[str, list[int]]
 
 
@@ -53,8 +55,8 @@ def _match(layout: LogColumns, table: Table, robot: RobotDescription) -> Columns
     if table.header is None:
         return None
     where = {name: number for number, name in enumerate(table.header)}
-    for mark in "%#":  # the reader takes it for that of a comment, a user for a part of the name
-        where.setdefault(mark + table.header[0], 0)
+    # the reader takes these marks for those of a comment, a user for a part of the name
+    where = {mark + table.header[0]: 0 for mark in "%#"} | where
     joints = layout.joints or [joint.name for joint in robot.joint]
     columns: Columns = {}
     for name in PER_AXIS:
@@ -120,17 +122,41 @@ def _is_fraction(cell: str) -> bool:
     return re.fullmatch(r"[+-]?\d*\.\d+(?:[eE][+-]?\d+)?", cell) is not None
 
 
-def _joints_in(header: list[str], robot: RobotDescription) -> list[str] | None:
-    """The names of the joints, those of the description or of one of its layouts, that all are parts of columns."""
-    known = [layout.joints for layout in robot.log if layout.joints] + [[joint.name for joint in robot.joint]]
-    return next(
-        (joints for joints in known if all(any(joint in name for name in header) for joint in joints)), None
-    )
-
-
 def _generic_names(robot: RobotDescription) -> str:
     """Names of the columns of the generic header."""
     return "time,q1" if robot.axes == 1 else f"time,q1..q{robot.axes}"
+
+
+def _other_form(header: list[str], robot: RobotDescription) -> str:
+    """Why a header is none of a log of `robot`, where it shows what the table is instead; else empty."""
+    if sum(_is_fraction(name) for name in header) > robot.axes:
+        return f"holds numbers in its first line; expected a header {_generic_names(robot)} before them"
+    if {"value", "_value"} & {name.lower() for name in header}:
+        return (
+            f"has one value in each row; expected a row for each time with columns {_generic_names(robot)}: pivot the "
+            "table first"
+        )
+    return ""
+
+
+def _named_otherwise(header: list[str], robot: RobotDescription) -> str:
+    """What to do with a header that has the generic names in other letters, or the names of the joints; else empty."""
+    plain = [re.sub(r"[\[(].*?[\])]|[^a-z0-9]", "", name.lower()) for name in header]
+    if {"time", *(f"q{axis + 1}" for axis in range(robot.axes))} <= set(plain):
+        return (
+            f"names its columns otherwise: expected time, q1 .. q{robot.axes} (s, rad) in small letters, without "
+            "units, blanks or underscores"
+        )
+    own = [joint.name for joint in robot.joint]
+    known = [layout.joints for layout in robot.log if layout.joints] + [own]
+    joints = next((each for each in known if all(any(joint in name for name in header) for joint in each)), None)
+    if joints is None or min(map(len, joints)) < _TELLING:
+        return ""
+    names = "" if joints == own else " and joints = [" + ", ".join(f'"{joint}"' for joint in joints) + "]"
+    return (
+        'names its columns by the joints; add to the robot\'s description a section [[log]] with format = "csv", '
+        f'the column of the time and q = "..." as they are, but with {{joint}} for the name of the joint{names}'
+    )
 
 
 def why_not(table: Table, robot: RobotDescription) -> str:
@@ -140,13 +166,8 @@ def why_not(table: Table, robot: RobotDescription) -> str:
     """
     if table.header is None:
         return f"has no header and {table.values.shape[1]} columns; expected a header {_generic_names(robot)}"
-    if sum(_is_fraction(name) for name in table.header) > robot.axes:
-        return f"holds numbers in its first line; expected a header {_generic_names(robot)} before them"
-    if {"value", "_value"} & {name.lower() for name in table.header}:
-        return (
-            f"has one value in each row; expected a row for each time with columns {_generic_names(robot)}: pivot the "
-            "table first"
-        )
+    if form := _other_form(table.header, robot):
+        return form
     numbered: dict[str, set[int]] = {}
     for name in table.header:
         digits = re.fullmatch(r"(.*?)(\d{1,6})(\D*)", name)
@@ -165,19 +186,8 @@ def why_not(table: Table, robot: RobotDescription) -> str:
             other = any(name.lower().startswith(("time", "t_", "t [", "t(", "stamp")) for name in table.header)
             remedy = "; rename the column of the time, and write it in s" if other else ""
             return f"has {count} columns {pattern.replace('#', 'N')}, but no time: expected {_clocks(layouts)}{remedy}"
-    plain = [re.sub(r"[\[(].*?[\])]|[^a-z0-9]", "", name.lower()) for name in table.header]
-    if {"time", *(f"q{axis + 1}" for axis in range(robot.axes))} <= set(plain):
-        return (
-            f"names its columns otherwise: expected time, q1 .. q{robot.axes} (s, rad) in small letters, without "
-            "units, blanks or underscores"
-        )
-    if joints := _joints_in(table.header, robot):
-        own_names = [joint.name for joint in robot.joint]
-        names = "" if joints == own_names else " and joints = [" + ", ".join(f'"{joint}"' for joint in joints) + "]"
-        return (
-            "names its columns by the joints; add to the robot's description a section [[log]] with format = \"csv\", "
-            f'the column of the time and q = "..." as they are, but with {{joint}} for the name of the joint{names}'
-        )
+    if remedy := _named_otherwise(table.header, robot):
+        return remedy
     expected = " or ".join([_generic_names(robot), *patterns[:-1]])
     own = next((count for numbers in numbered.values() if (count := len(numbers)) == robot.axes), 0)
     which = (

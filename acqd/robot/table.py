@@ -134,9 +134,11 @@ def _without_lists(table: Any) -> Any:
     columns: list[tuple[str, Any]] = []
     for name, column in zip(table.schema.names, table.columns, strict=True):
         kind = column.type
-        is_list = types.is_list(kind) or types.is_large_list(kind) or types.is_fixed_size_list(kind)
-        lists = column.combine_chunks() if is_list else None
-        lengths = lists.value_lengths().unique().to_pylist() if lists is not None else []
+        if not (types.is_list(kind) or types.is_large_list(kind) or types.is_fixed_size_list(kind)):
+            columns.append((name, column))
+            continue
+        lists = column.combine_chunks()
+        lengths = lists.value_lengths().unique().to_pylist()
         if len(lengths) != 1 or not lengths[0] or lengths[0] > _MOST_JOINTS:
             columns.append((name, column))
             continue

@@ -224,7 +224,9 @@ class _Layout:
         usual = int(widths[counts.argmax()]) if counts.max() > len(rows) / 2 else self.width
         for number, cells in enumerate(rows):
             if len(cells) != self.width:
-                broken[number] = f"has {len(cells)} columns, the first line {self.width}; {self._why_width(len(cells), usual)}"
+                broken[number] = (
+                    f"has {len(cells)} columns, the first line {self.width}; {self._why_width(len(cells), usual)}"
+                )
                 rows[number] = ["nan"] * self.width
         if self.separator != "," and any("," in cell for row in rows for cell in row):
             rows = [[self._cell(cell) for cell in row] for row in rows]

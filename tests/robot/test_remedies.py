@@ -57,7 +57,10 @@ def test_titles_separators_at_line_ends_and_utf_16_are_read(tmp_path, text):
         ((HEADER + "08:15:00.1,0,0,0,0,0,0\n" * 200).encode(), "its times are neither numbers nor dates"),
         ((HEADER + "[2026-01-27 08:15:00.1],0,0,0,0,0,0\n" * 200).encode(), "its times are neither numbers nor dates"),
         (b"time,name,value\n0,q1,0.1\n0,q2,0.2\n", "has one value in each row; .* pivot the table first"),
-        (("".join(f"1,{k},base,pan,elbow,0.1,0.2,0.3,0.4,0.5,0.6,0.7\n" for k in range(9))).encode(), "expected a header"),
+        (
+            ("".join(f"1,{k},base,pan,elbow,0.1,0.2,0.3,0.4,0.5,0.6,0.7\n" for k in range(9))).encode(),
+            "expected a header",
+        ),
         (
             (HEADER + "".join(f"{k},{row}\n" for k, row in enumerate(ROWS.splitlines()))).encode(),
             "row 2 has 8 columns, the first line 7; is a column without a name",
