@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import json
 import os
 import signal
+import subprocess
 import time
+from dataclasses import asdict
 
 import numpy as np
 import pytest
 
 from acqd.metering import Meter
 from acqd.plc.executive import Executive
+from acqd.plc.fast_process import interpreter
 from acqd.plc.realtime import RealtimeSettings
 from acqd.sources import SimulationSettings
 from acqd.sources.spec import simulated_spec
@@ -97,6 +101,27 @@ def test_killed_again_while_it_starts_main_fast_is_relaunched_and_the_metering_g
 
     finish(scenario())
     run.check_rows()
+
+
+def test_it_ends_where_its_daemon_was_killed_before_it_could_ask_to_end_with_it():
+    """Nobody else would end it, and the next start would find the device taken."""
+    spec = simulated_spec(SimulationSettings(phases=1))
+    realtime = asdict(RealtimeSettings(priority=0, lock_memory=False))
+    wake = os.eventfd(0)
+    orders = {"source": spec, "window": 0.04, "realtime": realtime, "resume": None, "wake_fd": wake}
+    ring = os.memfd_create("ring")
+    process = subprocess.Popen(
+        interpreter("acqd.plc.process", json.dumps(orders | {"ring_fd": ring})),
+        stdout=subprocess.PIPE,
+        pass_fds=(ring, wake),
+    )
+    process.stdout.close()
+    try:
+        assert process.wait(LIMIT_S) == 1
+    finally:
+        process.kill()
+        os.close(ring)
+        os.close(wake)
 
 
 def test_a_stopped_main_fast_is_killed_and_relaunched():
