@@ -18,6 +18,9 @@ from acqd.discrepancy.regression.white_rows import block_rows, by_noise, white_r
 from acqd.models.effects.places import Variant
 from acqd.residual.whitening import Whitener
 
+_PIECE = 128
+"""Rows."""
+
 
 @dataclass(frozen=True, slots=True)
 class Design:
@@ -167,11 +170,20 @@ class Design:
             )
             white = white_rows(self.whitener, part, values) * good[:, None]
             white = self.whitener.back(by_noise(part, white), past=part.past > 0)
-            products.append(np.concatenate([(white.T @ each[part.rows]).T for each in everything]))
+            products.append(np.concatenate([_crossed(each[part.rows], white) for each in everything]))
             if part.in_question:
                 squares[number, indices] = (values[part.past :][good] ** 2).sum(axis=0)
         blocks = Blocks(self.blocks.white.replaced(indices, products), squares, self.blocks.rows)
         return replace(self, added=added, blocks=blocks)
+
+
+def _crossed(rows: NDArray[Any], white: Floats) -> Floats:
+    """rows.T @ white [p, k] in double precision; a piece at a time, so that its copy stays in the processor's cache."""
+    total = np.zeros((white.shape[1], rows.shape[1]))
+    for first in range(0, len(rows), _PIECE):
+        piece = slice(first, first + _PIECE)
+        total += white[piece].T @ rows[piece].astype(np.float64)
+    return total.T
 
 
 def _squares(columns: DesignColumns, part: Part, good: slice | NDArray[np.bool_]) -> Floats:
