@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from acqd.arrays import Floats
 from acqd.errors import InputError
+from acqd.quoted_cells import MOST_LINES, rejoined
 from acqd.robot.labels import Texts, from_cells, from_numbers
 from acqd.robot.last_line import CUT_OFF, MOST_ROWS, is_cut_off, lacks_cells
 
@@ -147,9 +148,13 @@ def numbered_lines(path: Path, file: BinaryIO) -> Iterator[tuple[list[tuple[int,
             if len(rest) == _LONGEST_LINE:
                 raise InputError(path, f"has a line of more than {_LONGEST_LINE} bytes; expected rows of numbers")
             block += rest
+            for _ in range(MOST_LINES):
+                if block.count(b'"') % 2:  # perhaps within a cell
+                    block += file.readline(_LONGEST_LINE)
         # some recorders end lines with \r\r\n: one end of a line, not two
         lines = _decoded(block, encoding).replace("\r\r\n", "\n").splitlines()
-        numbered = [(k, line) for k, line in enumerate(lines, number) if line.strip()]
+        rows = rejoined(lines) if b'"' in block else enumerate(lines)
+        numbered = [(number + k, line) for k, line in rows if line.strip()]
         number, encoding = number + len(lines), "utf-8"
         if numbered:
             yield numbered, block.endswith((b"\n", b"\r"))

@@ -75,6 +75,10 @@ class Design:
             values[:, k] = self.added[segment][int(indices[k]) - y - 1][rows]
         return values
 
+    def added_columns(self) -> list[Floats]:
+        """[T, e] W of all added columns, per segment; there has to be one."""
+        return [np.column_stack(values).astype(np.float64) for values in self.added]
+
     def power(self, segment: int, indices: Indices, weights: Floats, rows: slice) -> Floats:
         """[rows] W of the sum of many columns with weights [k], in the single precision of the columns.
 
@@ -136,8 +140,7 @@ class Design:
         design = replace(self, trusted=trusted, blocks=Blocks(Gram.of(y, tuple(white)), squares, counts))
         if not self.added[0]:
             return design
-        indices = np.arange(len(self.added[0])) + y + 1
-        return design.with_replaced(indices, [np.column_stack(values).astype(np.float64) for values in self.added])
+        return design.with_replaced(np.arange(len(self.added[0])) + y + 1, self.added_columns())
 
     def with_columns(self, columns: list[Floats]) -> tuple[Design, Indices]:
         """The design with more columns ([T, k] W per segment), and their indices."""
