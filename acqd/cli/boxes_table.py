@@ -25,12 +25,15 @@ def show_boxes(console: Console, boxes: list[dict[str, Any]]) -> None:
 
 
 def flagged(windows: dict[str, Any] | None) -> str:
-    """How many windows of a source are flagged, and with what; empty where nobody counts."""
+    """How many windows of a source have values in doubt, and every flag with its count; empty where nobody counts.
+
+    `simulated` or `unsynchronised` may stand at more windows than are counted: they doubt no value.
+    """
     if not windows:
         return ""
     names = sorted(windows["flags"], key=lambda name: -windows["flags"][name])
     told = ", ".join(f"{name} {windows['flags'][name]}" for name in names)
-    return f"{windows['flagged']} of {windows['made']}" + (f": {told}" if told else "")
+    return f"{windows['flagged']} of {windows['made']} in doubt" + (f"; flags: {told}" if told else "")
 
 
 def seconds(value: float | None) -> str:

@@ -67,7 +67,8 @@ def page_command(
     else:
         others = f", {counted(len(plant.loose), 'alarm')} of no device here" if plant.loose else ""
         bad = sum(row.severity != "fine" for row in plant.rows)
-        print(f"{counted(len(plant.rows), 'device')}, {bad} not fine{others}: {out}")
+        health = f"{bad} not fine" if bad or not plant.rows else "all fine"
+        print(f"{counted(len(plant.rows), 'device')}, {health}{others}: {out}")
         _note(plant.trouble)
 
 
