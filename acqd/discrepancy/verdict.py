@@ -42,11 +42,11 @@ def settled(
         return "not_identifiable", [f"what follows an unnamed cause is in an error that has not grown ({sizes})"]
     if improved.hypotheses:
         return "not_identifiable", []
-    laws = [each.name for each in selection.usual if not each.id]
-    if laws:
-        more = f"{laws[0]} explains more than every name, and unchanged sessions differ by it, too"
-        return "not_identifiable", [more]
     if usual.reference and grown:
-        return "not_identifiable", [f"the error of the model has grown ({sizes}), and no cause is credible"]
+        laws = [each.name for each in selection.usual if not each.id]
+        differ = "; ".join(f"unchanged sessions differ by {each}, too" for each in laws)
+        return "not_identifiable", [
+            f"the error of the model has grown ({sizes}), and no cause is credible" + (f": {differ}" if differ else "")
+        ]
     short = subject.fit_s < THRESHOLDS.enough_s
     return ("not_identifiable" if short else "nothing_left"), []

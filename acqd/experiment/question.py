@@ -183,8 +183,8 @@ def _with_design(whole: Setup, so_far: Design) -> Setup:
     columns = replace(columns, parts=parts, rising=rising)
     products = [white_products(columns, so_far.whitener, part) for part in columns.parts]
     design = Design.of(columns, so_far.whitener, so_far.slow_whitener, trusted, products)
-    if whole.design.added[0].shape[1]:  # a load that switches on both sides
-        design, _ = design.with_columns([added.astype(np.float64) for added in whole.design.added])
+    if whole.design.added[0]:  # a load that switches on both sides
+        design, _ = design.with_columns(whole.design.added_columns())
     return replace(whole, design=design, regression=Regression(design.blocks, whole.regression.columns))
 
 

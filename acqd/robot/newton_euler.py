@@ -7,7 +7,7 @@ manipulators, 1980). Models use it at run time, where no robot library is instal
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
@@ -35,6 +35,11 @@ class Chain:
     """[2, 3]: the flange's origin and its z axis, in the last joint's frame."""
     sliding: tuple[int, ...] = ()
     """Numbers of the prismatic joints, from 0."""
+    packed: Floats = field(init=False, repr=False, compare=False)
+    """[axes, 28] of every joint what `rigid_body.torques` asks for."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "packed", _packed(self))
 
     @classmethod
     def of(cls, robot: RobotDescription) -> Chain:
@@ -72,7 +77,7 @@ def joint_torque(chain: Chain, parameters: Floats, q: Floats, qd: Floats, qdd: F
 def joint_torques(chain: Chain, arms: Floats, q: Floats, qd: Floats, qdd: Floats) -> Floats:
     """As `joint_torque`, of several sets of inertial parameters [n, 10 axes]: [n, T, axes]."""
     links = arms.reshape(len(arms), len(chain.axis), 10)
-    compiled = torques(_packed(chain), _GRAVITY, links, q, qd, qdd)
+    compiled = torques(chain.packed, _GRAVITY, links, q, qd, qdd)
     return torques_in_numpy(chain, links, q, qd, qdd) if compiled is None else compiled
 
 
@@ -94,7 +99,6 @@ def torques_in_numpy(chain: Chain, links: Floats, q: Floats, qd: Floats, qdd: Fl
 
 
 def _packed(chain: Chain) -> Floats:
-    """[axes, 28] of every joint what `rigid_body.torques` asks for."""
     packed = np.empty((len(chain.axis), 28))
     for k, own in enumerate(packed):
         joint = _Joint.of(chain, k, np.zeros(1))

@@ -20,19 +20,29 @@ Indices: TypeAlias = NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True)
 class Gram:
-    """Gram matrices of the blocks' columns; columns that were added later lie apart, so that adding copies little."""
+    """Gram matrices of the blocks' columns; columns that were added later lie apart, so that adding copies little.
+
+    Designs that differ by some of the added columns share the products of all others.
+    """
 
     y: int
     """Index of the measured residual: the number p of the design's columns."""
     fixed: tuple[Floats, ...]
     """Per block the upper triangle, row by row, of the products [p + 1, p + 1] of the design's columns and of y."""
-    added: Floats
-    """[blocks, p + 1 + e, e] products of all columns with the e added ones."""
+    crossed: tuple[Floats, ...]
+    """[blocks, p + 1] of each added column: its products with the design's columns and y."""
+    among: Floats
+    """[blocks, e, e] products of the e added columns."""
+
+    @classmethod
+    def of(cls, y: int, fixed: tuple[Floats, ...]) -> Gram:
+        """Without added columns."""
+        return cls(y, fixed, (), np.empty((len(fixed), 0, 0)))
 
     @property
     def size(self) -> int:
         """Number of columns, y among them."""
-        return int(self.added.shape[1])
+        return self.y + 1 + len(self.crossed)
 
     def take(self, block: int | slice | Indices, rows: Indices, columns: Indices) -> Floats:
         """[rows, columns] of one block, or [blocks, rows, columns] of several."""
@@ -45,8 +55,11 @@ class Gram:
                 np.take(self.fixed[k], places.triangle, out=out)
                 continue
             out[places.fixed] = self.fixed[k][places.triangle]
-            out[:, places.new_columns] = self.added[k][places.added]
-            out[places.new_rows] = self.added[k][places.mirrored]
+            for place, number in places.new_columns:
+                out[places.row_old, place] = self.crossed[number][k].take(places.old_rows)
+            for place, number in places.new_rows:
+                out[place, places.column_old] = self.crossed[number][k].take(places.old_columns)
+            out[places.new] = self.among[k][places.among]
         return values[0] if one else values
 
     def residual_products(self, block: int | slice | Indices, columns: Indices) -> Floats:
@@ -59,14 +72,17 @@ class Gram:
         Indices behind the last column append columns.
         """
         fixed = self.y + 1
-        size = max(self.size, int(indices.max()) + 1)
-        added = np.zeros((len(self.fixed), size, size - fixed))
-        added[:, : self.size, : self.size - fixed] = self.added
-        for number, values in enumerate(products):
-            added[number][:, indices - fixed] = values
-            others = np.setdiff1d(np.arange(fixed, size), indices)
-            added[number][np.ix_(indices, others - fixed)] = values[others].T
-        return Gram(self.y, self.fixed, added)
+        crossed, own = list(self.crossed), indices - fixed
+        count = max(len(crossed), int(own.max()) + 1)
+        crossed += [np.empty(0)] * (count - len(crossed))
+        for k, number in enumerate(own.tolist()):
+            crossed[number] = np.array([each[:fixed, k] for each in products])
+        among = np.zeros((len(self.fixed), count, count))
+        among[:, : self.among.shape[1], : self.among.shape[1]] = self.among
+        for matrix, values in zip(among, products, strict=True):
+            matrix[:, own] = values[fixed:]
+            matrix[own] = values[fixed:].T
+        return Gram(self.y, self.fixed, tuple(crossed), among)
 
 
 def upper_triangle(matrix: Floats) -> Floats:
@@ -94,13 +110,19 @@ class _Places(NamedTuple):
     """Of the rows and columns of the design; None: all."""
     triangle: Indices
     """Indices into the upper triangle."""
-    new_columns: Indices
-    added: tuple[Indices, Indices]
-    """Indices of these columns into the added products."""
-    new_rows: tuple[Indices, Indices]
-    """Of the added rows, and the columns of the design."""
-    mirrored: tuple[Indices, Indices]
-    """Indices into the added products, columns first."""
+    row_old: Indices
+    column_old: Indices
+    """Of the rows, and of the columns, of the design."""
+    old_rows: Indices
+    old_columns: Indices
+    """The same columns of the design."""
+    new_rows: list[tuple[int, int]]
+    new_columns: list[tuple[int, int]]
+    """Of each added one, and its number among the added columns."""
+    new: tuple[Indices, Indices]
+    """Of the added rows and columns."""
+    among: tuple[Indices, Indices]
+    """Their numbers among the added columns."""
 
 
 @lru_cache(maxsize=8)
@@ -110,13 +132,17 @@ def _places(rows: bytes, columns: bytes, size: int) -> _Places:
     row_old, row_new, column_old, column_new = (
         np.flatnonzero(each) for each in (first < size, first >= size, second < size, second >= size)
     )
-    old_rows, old_columns = first[row_old], second[column_old]
+    old_rows, old_columns, added_rows, added_columns = (
+        first[row_old], second[column_old], first[row_new] - size, second[column_new] - size,
+    )  # fmt: skip
     triangle = _upper(np.minimum.outer(old_rows, old_columns), np.maximum.outer(old_rows, old_columns), size)
     whole = not row_new.size and not column_new.size
     return _Places(
         None if whole else (row_old[:, None], column_old[None, :]), triangle,
-        column_new, (first[:, None], second[column_new] - size),
-        (row_new[:, None], column_old[None, :]), (old_columns[None, :], (first[row_new] - size)[:, None]),
+        row_old, column_old, old_rows, old_columns,
+        list(zip(row_new.tolist(), added_rows.tolist(), strict=True)),
+        list(zip(column_new.tolist(), added_columns.tolist(), strict=True)),
+        (row_new[:, None], column_new[None, :]), (added_rows[:, None], added_columns[None, :]),
     )  # fmt: skip
 
 

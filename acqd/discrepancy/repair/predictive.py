@@ -9,10 +9,12 @@ either (ADR 26).
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+import itertools
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import block_diag, cho_factor, cho_solve
 
 from acqd.arrays import Floats
@@ -43,7 +45,7 @@ class Beside:
     """Owner of an effect's columns by its id and place."""
     free: Indices
     """Numbers of the free columns in the regression; those of effects come last."""
-    columns: tuple[Floats, ...]
+    columns: tuple[NDArray[np.float32], ...]
     """[T, free] W per segment."""
     effects: dict[tuple[str, str], tuple[Floats, ...]]
     """[T, parameters] W per unit and segment, of every effect that can be predicted."""
@@ -62,17 +64,17 @@ class Beside:
         ], dtype=int)  # fmt: skip
         predictable = [each for each in selection.effects if library()[each.id].predictable]
         effects: dict[tuple[str, str], list[Floats]] = {(each.id, each.place.where): [] for each in predictable}
-        rows: list[Floats] = []
+        rows: list[NDArray[np.float32]] = []
         for segment in subject.held_out:  # one scene after the other: together they take more than their columns
             scene = segment_scene(subject.carrier, segment)
             scene.memory.update(memory)
-            rows.append(columns.named(scene)[:, regression.indices[free]])
+            rows.append(columns.named(scene)[:, regression.indices[free]].astype(np.float32))
             for each in predictable:
                 effects[each.id, each.place.where].append(_columns(each, scene))
         known = {place: tuple(of_place) for place, of_place in effects.items()}
         return cls(regression, 1 - columns.in_question, owners, free, tuple(rows), known)
 
-    def given(self, effects: Collection[tuple[str, str]]) -> tuple[list[Floats], list[Floats], Floats]:
+    def given(self, effects: Collection[tuple[str, str]]) -> tuple[list[Floats], Iterator[Floats], Floats]:
         """Beside some effects (id and place).
 
         [T] W per segment that the base model lacks by the reference, [T, k] W per segment of all uncertain columns, and
@@ -91,10 +93,10 @@ class Beside:
         whole = cho_factor(chosen.normal(np.ones(len(self.reference)))[0])
         covariance = block_diag(_inverse(factor, self.free), _inverse(whole, owned))
         lacks = [columns @ beta for columns in self.columns]
-        uncertain = [
+        uncertain = (
             np.column_stack([columns, *(self.effects[place][k] for place in known)])
             for k, columns in enumerate(self.columns)
-        ]
+        )
         return lacks, uncertain, covariance
 
 
@@ -153,15 +155,16 @@ class Predictive:
         whose covariance is that of uncertain coefficients c: with Z their white columns, I + Z cov(c) Z' (Woodbury).
         """
         errors = self.without_load(errors)
-        if self.beside is None:
-            uncertain, covariance = [np.zeros((len(each), 0)) for each in errors], np.zeros((0, 0))
-        else:
+        uncertain: Iterator[Floats] = (np.zeros((len(each), 0)) for each in errors)
+        covariance = np.zeros((0, 0))
+        if self.beside is not None:
             lacks, uncertain, covariance = self.beside.given(effects)
             errors = [own - more for own, more in zip(errors, lacks, strict=True)]
         count = covariance.shape[0]
         rate = self.learning_rate
         squares, product, total = np.zeros((count, count)), np.zeros(count), 0.0
-        for error, columns in zip(_minutes(errors), _minutes(uncertain), strict=True):
+        minutes = (zip(*map(_minutes, each), strict=True) for each in zip(errors, uncertain, strict=True))
+        for error, columns in itertools.chain.from_iterable(minutes):
             white, Z = self.whitener.from_start(error), self.whitener.from_start(columns)
             one = self.whitener.from_start(np.ones(len(error)))
             precision = 1 / max(self.level_W, LEAST_LEVEL_W) ** 2 / rate
@@ -175,6 +178,6 @@ class Predictive:
         return explained - total - float(np.linalg.slogdet(inner)[1])
 
 
-def _minutes(rows: list[Floats]) -> list[Floats]:
+def _minutes(rows: Floats) -> list[Floats]:
     """[T, ...] per block of at most a minute."""
-    return [block for each in rows for block in np.array_split(each, max(1, round(len(each) / NOISE.block_rows)))]
+    return np.array_split(rows, max(1, round(len(rows) / NOISE.block_rows)))

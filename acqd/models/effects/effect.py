@@ -75,6 +75,10 @@ class Effect(ABC):
     def at(self, scene: Scene, shape: Shape) -> Floats:
         """W per unit of each parameter: [N, k] before the supply's lag, or [T, k] for "meter" and "clock"."""
 
+    def some(self, scene: Scene, shape: Shape, columns: Sequence[int] | slice) -> Floats:
+        """Some columns of `at`; another one where they take less than all of them."""
+        return self.at(scene, shape)[:, columns]
+
     def torque(self, scene: Scene, shape: Shape, columns: Sequence[int], coefficients: Floats) -> Floats:
         """[N, axes] Nm at the motors of an effect of torques with the `coefficients` [k] of chosen columns.
 
@@ -160,7 +164,7 @@ def effect_rows(
     The scene's memory is left unchanged, because a scan visits the same rows several times.
     """
     memory = dict(scene.memory)
-    columns = (effect.columns(scene) if shape is None else effect.at(scene, shape))[:, chosen]
+    columns = effect.columns(scene)[:, chosen] if shape is None else effect.some(scene, shape, chosen)
     scene.memory.clear()
     scene.memory.update(memory)
     if effect.acts_on in ("meter", "clock") or not columns.shape[1]:
@@ -195,7 +199,7 @@ def drive_power(effect: Effect, scene: Scene, shape: Shape, columns: Sequence[in
     chosen = list(columns)
     moved = scene.with_secant_slope(effect.torque(scene, shape, chosen, coefficients))
     memory = dict(scene.memory)
-    power = effect.at(moved, shape)[:, chosen] @ coefficients
+    power = effect.some(moved, shape, chosen) @ coefficients
     scene.memory.clear()
     scene.memory.update(memory)
     return np.asarray(power)

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from acqd.arrays import Floats
-from acqd.models.effects.bodies import powers
 from acqd.models.effects.effect import Effect
 from acqd.models.effects.places import Shape
 from acqd.models.effects.scene import Scene
@@ -21,14 +20,23 @@ class GivenTorques(Effect):
 
     @abstractmethod
     def torques(self, scene: Scene) -> Sequence[Floats]:
-        """[k, N, axes] Nm per unit of each column, in one array or in several."""
+        """[N, axes] Nm per unit of each column, made when they are asked for where that takes long."""
 
     def at(self, scene: Scene, shape: Shape) -> Floats:
         """[N, k] W per unit of each column."""
-        return np.concatenate([powers(scene, each) for each in self.torques(scene)], axis=1)
+        return self.some(scene, shape, slice(None))
+
+    def some(self, scene: Scene, shape: Shape, columns: Sequence[int] | slice) -> Floats:
+        """[N, k] W per unit of chosen columns."""
+        every = self.torques(scene)
+        numbers = range(len(every))[columns] if isinstance(columns, slice) else columns
+        power = np.empty((len(scene.q), len(numbers)))
+        for out, k in zip(power.T, numbers, strict=True):
+            np.einsum("nj,nj->n", scene.power_per_torque, every[k], out=out)
+        return power
 
     def torque(self, scene: Scene, shape: Shape, columns: Sequence[int], coefficients: Floats) -> Floats:
         """The sum of the columns' torques."""
-        every = [torque for each in self.torques(scene) for torque in each]
+        every = self.torques(scene)
         pairs = zip(columns, coefficients, strict=True)
         return np.asarray(sum((float(value) * every[column] for column, value in pairs), np.zeros_like(scene.q)))

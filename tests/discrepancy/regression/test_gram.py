@@ -13,12 +13,18 @@ from tests.builders import recording
 BLOCKS, ROWS, FIXED = 3, 40, 4
 
 
+def gram_of(whole):
+    """Of the products [blocks, columns, columns] of all columns; those behind the residual are added ones."""
+    gram = Gram.of(FIXED, tuple(upper_triangle(each[: FIXED + 1, : FIXED + 1]) for each in whole))
+    added = np.arange(FIXED + 1, whole.shape[1])
+    return gram.replaced(added, list(whole[:, :, added])) if len(added) else gram
+
+
 def blocks(random, added):
     """Blocks of random rows with `added` columns behind the residual, and the rows themselves."""
     rows = random.normal(size=(BLOCKS, ROWS, FIXED + 1 + added))
     whole = np.einsum("bri,brj->bij", rows, rows)
-    fixed = tuple(upper_triangle(each[: FIXED + 1, : FIXED + 1]) for each in whole)
-    gram = Gram(FIXED, fixed, whole[:, :, FIXED + 1 :])
+    gram = gram_of(whole)
     return Blocks(gram, np.zeros((BLOCKS, gram.size)), np.full(BLOCKS, float(ROWS))), rows, whole
 
 
@@ -60,7 +66,7 @@ def test_a_fit_without_a_block_knows_nothing_of_that_block(seed, out):
     whole = np.einsum("bri,brj->bij", rows, rows)
 
     def regression(kept):
-        gram = Gram(FIXED, tuple(upper_triangle(whole[k]) for k in kept), np.empty((len(kept), FIXED + 1, 0)))
+        gram = gram_of(whole[list(kept)])
         columns = [Column(0, np.ones(len(kept))), Column(1, np.ones(len(kept)), 10.0)]
         return Regression(Blocks(gram, np.zeros((BLOCKS, gram.size)), np.full(len(kept), float(ROWS))), columns)
 
@@ -101,8 +107,7 @@ def test_products_of_a_smaller_or_larger_regression_are_those_of_all_its_columns
         else:  # fewer rows count
             rows[:, : ROWS // 4] = 0.0
             whole = np.einsum("bri,brj->bij", rows, rows)
-            fixed = tuple(upper_triangle(each[: FIXED + 1, : FIXED + 1]) for each in whole)
-            b = Blocks(Gram(FIXED, fixed, whole[:, :, FIXED + 1 :]), b.squares, b.rows)
+            b = Blocks(gram_of(whole), b.squares, b.rows)
             regression = regression.with_columns(b, [])
         weights = random.choice([everywhere, np.array([1.0, 0.0, 1.0])])
         again = Regression(b, list(regression.columns))

@@ -148,16 +148,17 @@ def test_the_verdict_follows_from_names_laws_and_the_growth_of_the_error(
     assert settled(subject, selection, Improved(model, tuple(effects), errors), errors, usual, trial)[0] == verdict
 
 
-def test_names_in_whose_place_sessions_may_stand_leave_no_absence():
+@pytest.mark.parametrize(("now_W", "verdict"), [(6.0, "nothing_left"), (16.0, "not_identifiable")])
+def test_what_sessions_differ_by_hides_a_cause_only_where_the_error_has_grown(now_W, verdict):
     model = grey()
     usual = usual_of(recordings(model, 8, 6.0, 0)[1])
-    new, errors = recordings(model, 6, 6.0, 3)
+    new, errors = recordings(model, 6, now_W, 3)
     subject, selection = (
         SimpleNamespace(held_out=new, fit_s=600),
         SimpleNamespace(unknown=None, usual=(SimpleNamespace(id="", name="a law"),)),
     )
-    verdict, notes = settled(subject, selection, Improved(model, (), errors), errors, usual, None)
-    assert verdict == "not_identifiable" and notes[0].startswith("a law explains more than every name")
+    said, notes = settled(subject, selection, Improved(model, (), errors), errors, usual, None)
+    assert said == verdict and [each for each in notes if each.endswith("by a law, too")] == notes
 
 
 def test_two_effects_that_help_only_together_stay():

@@ -72,14 +72,14 @@ class GravityBias(GivenTorques):
     """
 
     def torques(self, scene: Scene) -> Sequence[Floats]:
-        """[axes - 1, N, axes] Nm/kg of a weight at the described centre of mass of every link from the second on.
+        """(axes - 1) x [N, axes] Nm/kg of a weight at the described centre of mass of every link from the second on.
 
-        Then [3 u, N, axes], of the u links below the wrist: Nm/kg of a mass there, and Nm/(kg m) of two first moments
+        Then 3 u x [N, axes], of the u links below the wrist: Nm/kg of a mass there, and Nm/(kg m) of two first moments
         beside the centre, across the joint's axis.
         """
         centres = link_centres(scene)
         weights = weight_torques(scene, "weights of links", [(k, centres[k]) for k in range(1, scene.axes)])
-        return weights, link_torques(scene, "masses on links", _bodies(scene.model.chain, centres))
+        return [*weights, *link_torques(scene, "masses on links", _bodies(scene.model.chain, centres))]
 
     def places(self, scene: Scene) -> Iterator[Place]:
         """Links from the second on: a weight; below the wrist also a mass, at the centre or beside the centre."""

@@ -37,8 +37,8 @@ class Mounting(GivenTorques):
     omitted_because = "an FMU assumes the described mounting"
 
     def torques(self, scene: Scene) -> Sequence[Floats]:
-        """[3, N, axes] Nm per m/s^2 by which gravity pulls along x, y and z of the base beside the described one."""
-        return (_torques(scene),)
+        """3 x [N, axes] Nm per m/s^2 by which gravity pulls along x, y and z of the base beside the described one."""
+        return tuple(_torques(scene))
 
     def places(self, scene: Scene) -> Iterator[Place]:
         """The base: tilted by a few degrees, or turned over; along the axes that some joint feels."""
