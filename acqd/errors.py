@@ -82,6 +82,7 @@ def no_folder(path: Path) -> str:
 _PYDANTIC = (
     (r"^Value error, ", ""),
     (r"Input should be a valid integer", "expected a whole number"),
+    (r"Input should be a valid dictionary( or instance of \w+)?", "expected a table of keys and values"),
     (r"Input should be a valid (\w+)", r"expected a \1"),
     (r"Input should be (greater|less) ", r"expected a number \1 "),
     (r"Input should be ", "expected "),

@@ -49,10 +49,15 @@ def lines(phasors: dict[str, list[list[float]]]) -> Sequence[str]:
 
 def print_wiring(wired: dict[str, Any]) -> None:
     """What `Wired.as_dict` holds, for people."""
-    print(diagram(wired["phasors"]))
-    for line in lines(wired["phasors"]):
-        print(line)
+    if wired["phasors"]:
+        print(diagram(wired["phasors"]))
+        for line in lines(wired["phasors"]):
+            print(line)
+    for phase, values in wired.get("readings", {}).items():
+        print(f"{phase}: " + ", ".join(f"{name} {value:.5g}" for name, value in values.items() if value is not None))
     for finding in wired["findings"]:
         print(f"wiring: {finding['text']}" + (f"; {finding['correction']}" if finding["correction"] else ""))
-    if not wired["findings"]:
-        print("wiring: nothing is wrong that phasors show")
+    if wired.get("note"):
+        print(f"wiring: {wired['note']}")
+    elif not wired["findings"]:
+        print(f"wiring: nothing is wrong that {'phasors show' if wired['phasors'] else 'the power shows'}")

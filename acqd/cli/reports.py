@@ -32,6 +32,8 @@ def reports(
     from acqd.report.head import read_head
     from acqd.report.index import INDEX, KIND, index_page, pages_beneath, said, what
 
+    if folder.is_file():
+        raise UserError(f"{folder}: is a file, not a folder; name the folder that holds reports")
     page = out or folder / INDEX
     if page.suffix not in (".html", ".htm"):
         raise UserError(f"--out {page}: a page ends in .html")

@@ -126,7 +126,12 @@ class MeterFeed:
             "simulated": self._simulated,
             "bus": {"restarts": self._supervisor.restarts, "trouble": self._supervisor.trouble},
             "meters": {
-                meter.settings.name: {"profile": meter.profile.name, "unit": meter.unit, "trouble": meter.trouble}
+                meter.settings.name: {
+                    "profile": meter.profile.name,
+                    "unit": meter.unit,
+                    "trouble": meter.trouble,
+                    "remarks": list(meter.remarks),
+                }
                 for meter in self._bus.meters
             },
         }

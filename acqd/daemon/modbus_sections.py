@@ -65,6 +65,7 @@ class MeterSection(Section):
     word_order: Literal["high", "low"] | None = None
     poll_s: Annotated[float, Field(ge=0.05, le=3600)] | None = None
     nominal_voltage: Positive = 230.0
+    rated_current: Positive | None = None
 
 
 class MetersSection(_LinkKeys):

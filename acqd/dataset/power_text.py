@@ -15,6 +15,7 @@ import orjson
 from acqd.dataset.power_cells import COLUMNS, Cells, clock_column
 from acqd.dataset.power_source import BLOCK_ROWS
 from acqd.errors import InputError
+from acqd.quoted_cells import MOST_LINES, ends_in_cell
 from acqd.robot.last_line import LEFT_OUT, MOST_ROWS, is_cut_off
 from acqd.robot.table import text_of
 from acqd.robot.table_text import numbered_lines, split
@@ -110,6 +111,9 @@ def _header(path: Path, file: BinaryIO) -> tuple[int, bytes]:
         comment = head if head.strip() else comment
         start += len(head)
         head = _line_at(file, start)
+    for _ in range(MOST_LINES):
+        if ends_in_cell(head.decode(errors="replace").rstrip("\r\n")):
+            head += _line_at(file, start + len(head))
     if not head:
         raise InputError(path, "has no rows; expected a header with the columns time (or filetime) and P")
     names = _cells(comment.lstrip(b"#"), _separator(head))
@@ -131,7 +135,7 @@ def _separator(head: bytes) -> str:
 
 
 def _cells(line: bytes, mark: str) -> list[str]:
-    return split(line.decode(errors="replace"), mark)
+    return split(" ".join(line.decode(errors="replace").splitlines()), mark)
 
 
 class _Part(io.RawIOBase):

@@ -225,7 +225,11 @@ def _reference(config: CloseConfig, data: Dataset, *, same: bool) -> tuple[list[
     if same:
         return [], []
     reference = load_reference(config.bundle)
-    return reference, [] if reference else ["the bundle remembers no recordings, so that changes since cannot be found"]
+    lacking = (
+        f"{config.bundle} has no reference.safetensors, so that changes since the training cannot be found: what "
+        "follows is what the model lacks in all recordings; name recordings from before the change (--reference DS)"
+    )
+    return reference, [] if reference else [lacking]
 
 
 def _since(data: Dataset, since_s: float | None) -> Dataset:

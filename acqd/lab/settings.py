@@ -78,6 +78,7 @@ class RecorderSection(Section):
     missing: Annotated[float, Field(ge=0, le=0.9)] = 0.0
     angle_noise_rad: Annotated[float, Field(ge=0, le=0.1)] = 2e-6
     torque_noise_Nm: Annotated[float, Field(ge=0, le=100)] = 0.15
+    torque_scale: Annotated[float, Field(ge=0.5, le=2)] = 1.0
     signals: bool = True
 
     def settings(self) -> RecorderSettings:

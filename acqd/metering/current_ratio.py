@@ -34,14 +34,14 @@ class WrongRatio:
 
 
 def wrong_ratio(P: Floats, currents: Floats, expected_W: float) -> WrongRatio | None:
-    """Of powers [3] in W and currents [3] in A, and the power of the load; None where no ratio explains it.
+    """Of powers [phases] in W and currents [phases] in A, and the power of the load; None where no ratio explains it.
 
-    One may have another ratio, where the load is balanced, or all three.
+    One of three may have another ratio, where the load is balanced, or all.
     """
     total = float(P.sum())
     if total <= 0 or expected_W <= 0:
         return None
-    for k in range(3):
+    for k in range(3 if len(P) == 3 else 0):
         others = np.delete(currents, k)
         factor = _step(float(currents[k] / others.mean()))
         if factor is None or np.ptp(others) > _ALIKE * others.mean():
@@ -56,12 +56,12 @@ def wrong_ratio(P: Floats, currents: Floats, expected_W: float) -> WrongRatio | 
     return WrongRatio(
         f"P is {total:.4g} W for a load of {expected_W:.4g} W: the currents are {_times(factor)} "
         "(ratio of the transformers, or turns through them)",
-        (_gain(factor),) * 3,
+        (_gain(factor),) * len(P),
     )
 
 
 def beyond_rated(P: Floats, rated_W: float) -> WrongRatio | None:
-    """Of powers [3] in W far above the rated one: 2, 5, 10, 100 or 1000 times, the first that explains them."""
+    """Of powers [phases] in W far above the rated one: 2, 5, 10, 100 or 1000 times, the first that explains them."""
     total = float(P.sum())
     if total < _LEAST * rated_W:
         return None
@@ -69,7 +69,7 @@ def beyond_rated(P: Floats, rated_W: float) -> WrongRatio | None:
     return WrongRatio(
         f"P is {total:.4g} W, more than the {rated_W:.4g} W that the load takes at most: the currents are about "
         f"{_times(factor)}; the nameplates of the transformers say by how much",
-        (_gain(factor),) * 3,
+        (_gain(factor),) * len(P),
     )
 
 

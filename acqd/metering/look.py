@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,10 +10,12 @@ from numpy.typing import NDArray
 
 from acqd.arrays import Floats
 from acqd.metering.block import Codes
+from acqd.metering.blurred import blurred_tops
 from acqd.metering.kernel.compiled import quality_library
 
 _BITS = {np.dtype(np.int16): 16, np.dtype(np.int32): 32}
 """Types of codes that C takes."""
+_FEWEST = 5  # samples, of which noise is known
 
 
 class Look(NamedTuple):
@@ -57,6 +60,19 @@ class Looker:
             return look_by_numpy(codes, self._cycle)
         self._library.acqd_look(codes.ctypes.data, bits, self._channels, len(codes), self._cycle, self._out_at)
         return Look._make(self._out.tolist())
+
+    def blurred(self, codes: Codes, look: Look) -> bool:
+        """Whether a channel of samples [samples, channels], of which `look` is one, is cut and noise hides that."""
+        if len(codes) < _FEWEST:
+            return False
+        suspects: Iterable[int] = range(self._channels)
+        bits = _BITS.get(codes.dtype)
+        if self._library is not None and bits is not None and codes.flags.c_contiguous:
+            ends, out = np.array((look.least, look.most)), self._out[0]
+            least, most = ends.ctypes.data, ends[1].ctypes.data
+            self._library.acqd_tops(codes.ctypes.data, bits, self._channels, len(codes), least, most, out.ctypes.data)
+            suspects = np.flatnonzero(out).tolist()
+        return any(blurred_tops(codes[:, k].astype(np.float64)) for k in suspects)
 
     def calm(self, codes: Codes, edges: NDArray[np.int64], due: int, usual: Floats, most: Floats) -> int:
         """How many of the blocks of `codes`, cut at `edges`, are no reason for a look; 0 without C.

@@ -111,6 +111,8 @@ class SignalWatch:
         shares = np.array([((low + high) if least < most else low) / samples for least, most, low, high in ends])
         if due or self._stands_out(shares, look, samples):
             self._flags = flags_of(codes, self._cycle, look)
+            if "clipped" not in self._flags and self._looker.blurred(codes, look):
+                self._flags |= {"clipped"}
             # A fault is looked at again after twice the time: it is flagged for at most twice as long as it lasts.
             self._pause = min(2 * self._pause, self._every) if faulty else samples
             self._next = index + (self._pause if self._flags else self._every)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -35,7 +35,7 @@ class Prediction:
     """[T], True for motion outside the envelope of the training data."""
     step_s: float
     note: str = ""
-    """Rows of the log that were left out or estimated; empty without such rows."""
+    """Rows of the log that were left out or estimated, and another robot than the model's; empty without either."""
 
     def energy(self) -> float:
         """Energy of all predicted rows in kWh."""
@@ -62,12 +62,20 @@ def predict_log(bundle: Bundle, model: Predictor, path: Path, robot: str | None 
 
     Raises InputError, UserError.
     """
-    log = read_log(path, load_description(robot or bundle.metadata["description"]))
+    description = load_description(robot or bundle.metadata["description"])
+    log = read_log(path, description)
     if log.q.shape[1] != model.axes:
         raise InputError(
             path, f"has {log.q.shape[1]} axes, the model {model.axes}: is it a log of {bundle.metadata['robot']}?"
         )
-    return predict(bundle, model, log)
+    prediction, trained = predict(bundle, model, log), bundle.metadata["robot"]
+    if robot is None or description.name == trained:
+        return prediction
+    stranger = (
+        f"read as a log of {description.name}, but the model is of {trained}: the power is what {trained} would draw; "
+        "is that meant?"
+    )
+    return replace(prediction, note="; ".join([stranger, *filter(None, [prediction.note])]))
 
 
 def predict(bundle: Bundle, model: Predictor, log: RobotLog) -> Prediction:

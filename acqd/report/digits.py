@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from typing import Any
 
 FEWEST_FOR_INTERVAL = 5
 """Recordings: resampling fewer of them says next to nothing about others."""
 _MOST_DECIMALS = 6
+_SYMBOLS = "[nµmkMGT]?(?:Wh?|VAh?|varh?|V|A|J|Hz|B|g|m|s|N|Nm|K|Ohm)"
+_UNIT_AFTER_NUMBER = re.compile(rf"(?<=\d) (?=(?:%|°C|ppm|dB|EUR|min|h|d|rad|deg|degC|{_SYMBOLS})(?!\w))")
 _PREFIXES = {-3: "n", -2: "µ", -1: "m", 0: "", 1: "k", 2: "M", 3: "G", 4: "T"}
 
 
@@ -63,6 +66,11 @@ def year_text(year: Mapping[str, Any]) -> str:
     between = f" ({number(bounds[0])} to {number(bounds[1])})" if bounds else ""
     cost = "" if year["EUR"] is None else f", {number(year['EUR'])} EUR"
     return f"{number(year['kWh'])} kWh{between}{cost}"
+
+
+def unbroken(text: str) -> str:
+    """The text with no-break spaces between numbers and their units, for HTML."""
+    return _UNIT_AFTER_NUMBER.sub("\N{NO-BREAK SPACE}", text)
 
 
 def counted(count: int, noun: str) -> str:

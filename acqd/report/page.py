@@ -14,6 +14,7 @@ from acqd.report.arm_view import ArmView, asset, scripts
 from acqd.report.bars import Bars
 from acqd.report.blocks import Block, Chapter, Folded, Lines, Picture, Ranking, Section, Text, table_of
 from acqd.report.chain import EMPTY
+from acqd.report.digits import unbroken
 from acqd.report.drawing import inline_svg
 from acqd.report.footer import provenance
 from acqd.report.head import Head
@@ -149,9 +150,16 @@ class Page:
         )  # fmt: skip
 
 
+def _with_unbroken_units(value: object) -> object:
+    """What the template prints; markup (charts, scripts) as it is."""
+    return unbroken(value) if type(value) is str else value
+
+
 @cache
 def _template() -> Any:
     from jinja2 import Environment, StrictUndefined
 
-    environment = Environment(autoescape=True, undefined=StrictUndefined, keep_trailing_newline=True)
+    environment = Environment(
+        autoescape=True, undefined=StrictUndefined, keep_trailing_newline=True, finalize=_with_unbroken_units
+    )
     return environment.from_string(asset("page.html"))

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from acqd.arrays import Floats
 from acqd.errors import InputError
+from acqd.quoted_cells import MOST_LINES, rejoined
 from acqd.robot.labels import Texts, from_cells, from_numbers
 from acqd.robot.last_line import CUT_OFF, MOST_ROWS, is_cut_off, lacks_cells
 
@@ -35,8 +36,10 @@ _INVISIBLE = dict.fromkeys(map(ord, "\u200b\u2060\ufeff"))
 _OTHER_SIGNS = re.compile(r"[+\-\u2212]?[\d.]+(?:[eEdD][+\-\u2212]?\d+)?")
 _PLAIN_SIGNS = {ord("\u2212"): "-", ord("D"): "E", ord("d"): "e"}
 """The minus of typography, and Fortran's exponents of double precision."""
-_LIST = re.compile(r"(?<!\w)(?:array|tensor)?[\[(]\s*[-+.\d]")
-"""The beginning of a list of numbers in a cell."""
+_LIST = re.compile(r"(?<!\w)(?:array|tensor)?[\[(]\s*(?!\d{4}-\d\d)[-+.\d]")
+"""The beginning of a list of numbers in a cell, which a date in brackets is not."""
+_SWITCHED = {"true": 1.0, "false": 0.0, "on": 1.0, "off": 0.0, "yes": 1.0, "no": 0.0}
+"""Words for 1 and 0."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,9 +150,13 @@ def numbered_lines(path: Path, file: BinaryIO) -> Iterator[tuple[list[tuple[int,
             if len(rest) == _LONGEST_LINE:
                 raise InputError(path, f"has a line of more than {_LONGEST_LINE} bytes; expected rows of numbers")
             block += rest
+            for _ in range(MOST_LINES):
+                if block.count(b'"') % 2:  # perhaps within a cell
+                    block += file.readline(_LONGEST_LINE)
         # some recorders end lines with \r\r\n: one end of a line, not two
         lines = _decoded(block, encoding).replace("\r\r\n", "\n").splitlines()
-        numbered = [(k, line) for k, line in enumerate(lines, number) if line.strip()]
+        rows = rejoined(lines) if b'"' in block else enumerate(lines)
+        numbered = [(number + k, line) for k, line in rows if line.strip()]
         number, encoding = number + len(lines), "utf-8"
         if numbered:
             yield numbered, block.endswith((b"\n", b"\r"))
@@ -217,9 +224,14 @@ class _Layout:
         broken = {}
         for number, cells in enumerate(rows):
             if len(cells) == self.width + 1 and not cells[-1]:  # a separator at the end of each row
-                rows[number] = cells = cells[:-1]
+                rows[number] = cells[:-1]
+        widths, counts = np.unique([len(cells) for cells in rows], return_counts=True)
+        usual = int(widths[counts.argmax()]) if counts.max() > len(rows) / 2 else self.width
+        for number, cells in enumerate(rows):
             if len(cells) != self.width:
-                broken[number] = f"has {len(cells)} columns, the first line {self.width}; {self._why_width(len(cells))}"
+                broken[number] = (
+                    f"has {len(cells)} columns, the first line {self.width}; {self._why_width(len(cells), usual)}"
+                )
                 rows[number] = ["nan"] * self.width
         if self.separator != "," and any("," in cell for row in rows for cell in row):
             rows = [[self._cell(cell) for cell in row] for row in rows]
@@ -228,9 +240,14 @@ class _Layout:
     def _cell(self, cell: str) -> str:
         return cell if self.separator == "," else _with_point(cell)
 
-    def _why_width(self, count: int) -> str:
+    def _why_width(self, count: int, usual: int) -> str:
+        """What may be wrong with a row of `count` cells, where most rows have `usual`."""
         if self.separator == "," and count in (2 * self.width, 2 * self.width - 1):
             return "are commas decimal marks and separators at once? Separate columns by ; or write decimal points"
+        if usual == self.width + 1 and self.header is not None:
+            return "is a column without a name, as R's row names? Name it in the first line"
+        if usual != self.width:
+            return f"most rows {usual}: expected a line with the names of {usual} columns before the rows"
         return "is it cut off?"
 
 
@@ -253,11 +270,13 @@ def _is_number(cell: str, separator: str | None) -> bool:
 
 
 def number_in(cell: str) -> float:
-    """The number in a cell, Unix seconds of a date with a time (UTC where it names no zone), or NaN."""
+    """The number in a cell, 1 or 0 for a word, Unix seconds of a date with a time (UTC without a zone), or NaN."""
     try:
         return float(cell)
     except ValueError:
         pass
+    if cell.lower() in _SWITCHED:
+        return _SWITCHED[cell.lower()]
     if not _DATE.match(cell):
         plain = cell.translate(_PLAIN_SIGNS)
         return number_in(plain) if plain != cell and _OTHER_SIGNS.fullmatch(cell) else float("nan")

@@ -67,7 +67,7 @@ def load_waveform(path: Path, given: ChannelMap | None = None) -> Waveform:
 def load_recording(path: Path, given: ChannelMap) -> Recording:
     """Read a file as channels and a clock, before anybody decides which are metered. Raises InputError."""
     if path.is_dir():
-        raise InputError(path, "is a folder; expected a waveform file in it")
+        raise InputError(path, "is a folder; name a waveform file in it")
     ending = path.suffix.lower()
     if ending in _ELSEWHERE:
         raise InputError(path, _ELSEWHERE[ending])

@@ -62,7 +62,7 @@ class PowerRow(msgspec.Struct, gc=False):
         return _encoder.encode(self)
 
 
-_NUL = re.compile(rb"\\u0000")  # faster than `in`
+_NUL = re.compile(rb"\\u0000")  # faster than `in`, but slower than `in` for one character
 _time = attrgetter("time")
 _decoder = msgspec.json.Decoder(PowerRow)
 _encoder = msgspec.json.Encoder()
@@ -90,7 +90,8 @@ def parse_each(payloads: Sequence[bytes]) -> list[PowerRow | ValueError]:
 
     Half of the time of one by one: what all have in common is checked once.
     """
-    parse = _decoder.decode if _NUL.search(b" ".join(payloads)) is None else parse_row
+    together = b" ".join(payloads)
+    parse = parse_row if b"\\" in together and _NUL.search(together) else _decoder.decode
     found: list[PowerRow | ValueError] = []
     failed = False
     todo = iter(payloads)

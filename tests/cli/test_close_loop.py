@@ -227,4 +227,6 @@ def test_ability_says_beforehand_what_the_motion_of_the_reference_can_tell(close
     shutil.copytree(folder / "model", forgetful)
     (forgetful / "reference.safetensors").unlink()
     done = acqd_here("robot", "ability", forgetful)
-    assert done.returncode == 2 and "remembers no recordings" in done.stderr and "Traceback" not in done.stderr
+    assert (
+        done.returncode == 2 and "reference.safetensors: is missing" in done.stderr and "Traceback" not in done.stderr
+    )

@@ -8,10 +8,13 @@ import sqlite3
 import subprocess
 import threading
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
 from acqd import compiling
+from acqd.daemon.heard import Heard
 from acqd.metering import StreamFormat
 from acqd.sources.npz_write import npz_bytes
 from acqd.sources.waveform import Waveform
@@ -115,3 +118,29 @@ def test_doctor_names_miswired_transformers_with_what_to_paste(tmp_path, monkeyp
     monkeypatch.setattr("acqd.daemon.wiring_check.captured", lambda *_: npz_bytes(quiet))
     single = acqd_here("doctor", "--wiring", "--seconds", "1", cwd=tmp_path)
     assert single.returncode == 0 and "nothing is wrong that phasors show" in single.stdout
+
+
+@pytest.mark.parametrize(
+    ("load", "said"),
+    [((), "no reading shows it"), (("--power", "318"), "5 times too large"), (("--rated", "400"), "5 times too large"),
+     (("--power", "1590"), "nothing is wrong that the power shows")],
+)  # fmt: skip
+def test_doctor_reads_a_meter_and_judges_its_ratio_by_the_load(load, said, tmp_path, monkeypatch):
+    (tmp_path / "acqd.toml").write_text(
+        '[source]\nkind = "meters"\nhost = "127.0.0.1"\nmeters = [{ name = "m1", profile = "sdm630" }]\n'
+    )
+
+    class Rows(Heard):
+        def __init__(self, _address, device, topics, fields):
+            super().__init__(None, device, topics, fields)
+            for topic in topics:
+                self.take(topic, b'{"Vrms": 230.0, "Irms": 2.5, "P": 530.0, "PF": null}')
+                self.take(topic, b"[]")
+
+    monkeypatch.setattr("acqd.daemon.meter_ratio.Heard", Rows)
+    monkeypatch.setattr("acqd.daemon.meter_ratio.time", SimpleNamespace(sleep=lambda _: None))
+    done = acqd_here("doctor", "--wiring", "--seconds", "1", *load, cwd=tmp_path)
+    assert said in done.stdout and "L2: Vrms 230, Irms 2.5, P 530" in done.stdout
+    assert done.returncode == ("too large" in said)
+    other = acqd_here("doctor", "--wiring", "--device", "m2", "--seconds", "1", cwd=tmp_path)
+    assert other.returncode == 2 and "m1" in other.stderr

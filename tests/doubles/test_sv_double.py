@@ -43,9 +43,9 @@ def numbers(cells: list[str]) -> list[int]:
     return [int(cell, 0) for cell in cells]
 
 
-def counts(folder: Path, frames: Sequence[bytes]) -> list[int]:
+def counts(rows: Sequence[dict[str, list[str]]]) -> list[int]:
     """smpCnt of all ASDUs in the order of the frames."""
-    return [number for row in dissected(folder, frames) for number in numbers(row["sv.smpCnt"])]
+    return [number for row in rows for number in numbers(row["sv.smpCnt"])]
 
 
 def assert_values(rows: list[dict[str, list[str]]], wave: SvWave, first: int = 0) -> None:
@@ -56,17 +56,30 @@ def assert_values(rows: list[dict[str, list[str]]], wave: SvWave, first: int = 0
     np.testing.assert_array_equal(values[:, 7], codes[:, 0::2].sum(axis=1))
 
 
-@pytest.mark.parametrize(
-    ("rate", "asdus", "octets"), [(4000, 1, 118), (4800, 1, 118), (4800, 2, 209), (14400, 6, 567), (12800, 8, 745)]
-)
-@pytest.mark.parametrize("vlan", [None, 5])
+PROFILES = [(4000, 1, 118), (4800, 1, 118), (4800, 2, 209), (14400, 6, 567), (12800, 8, 745)]
+"""Rate, ASDUs and octets of a frame."""
+TAGS = (None, 5)
+"""VLANs."""
+
+
+@pytest.fixture(scope="module")
+def profiles(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[bytes, dict[str, list[str]]]]:
+    """Four frames of every profile with and without a tag, and their fields: Wireshark is started once for all."""
+    frames = []
+    for vlan, (rate, asdus, _) in itertools.product(TAGS, PROFILES):
+        stream = SvStream(rate, asdus, "MU0102", 0x4003, vlan, conf_rev=70_000, first_count=rate - asdus - 1)
+        frames += [stream.frame(k) for k in range(4)]
+    return list(zip(frames, dissected(tmp_path_factory.mktemp("profiles"), frames), strict=True))
+
+
+@pytest.mark.parametrize("vlan", TAGS)
+@pytest.mark.parametrize(("rate", "asdus", "octets"), PROFILES)
 def test_wireshark_reads_each_profile_as_sent(
-    tmp_path: Path, rate: int, asdus: int, octets: int, vlan: int | None
+    profiles: list[tuple[bytes, dict[str, list[str]]]], rate: int, asdus: int, octets: int, vlan: int | None
 ) -> None:
-    stream = SvStream(rate, asdus, "MU0102", 0x4003, vlan, conf_rev=70_000, first_count=rate - asdus - 1)
-    frames = [stream.frame(k) for k in range(4)]
+    first = 4 * (TAGS.index(vlan) * len(PROFILES) + PROFILES.index((rate, asdus, octets)))
+    frames, rows = zip(*profiles[first : first + 4], strict=True)
     assert {len(frame) for frame in frames} == {octets + (0 if vlan is None else 4)}
-    rows = dissected(tmp_path, frames)
     assert all(row["_ws.expert.group"] == [""] for row in rows)
     assert {(row["vlan.id"][0], row["vlan.priority"][0]) for row in rows} == (
         {("", "")} if vlan is None else {("5", "4")}
@@ -79,7 +92,7 @@ def test_wireshark_reads_each_profile_as_sent(
     sent = [number for row in rows for number in numbers(row["sv.smpCnt"])]
     assert sent == [(rate - asdus - 1 + n) % rate for n in range(4 * asdus)]
     assert 0 in sent, "the second ends within these frames"
-    assert_values(rows, SvWave(rate))
+    assert_values(list(rows), SvWave(rate))
 
 
 @pytest.mark.parametrize("octets", [1, 2, 3])
@@ -185,13 +198,15 @@ def test_the_safe_burst_of_the_largest_frames_fits_a_default_socket_buffer(wire:
 
 
 def test_smp_cnt_wraps_after_a_second_and_the_samples_go_on(wire: Wire, receiver: Receiver, tmp_path: Path) -> None:
-    frames = []
+    frames, stream = [], SvStream(4000, 1)
     with bursts(wire) as unit:
         for _ in range(51):
             unit.burst(80)
             frames += receiver.frames()
-    assert counts(tmp_path, frames) == [n % 4000 for n in range(51 * 80)]
-    assert_values(dissected(tmp_path, frames[3990:4010]), SvWave(4000), 3990)
+    assert frames == [stream.frame(k) for k in range(51 * 80)]
+    rows = dissected(tmp_path, frames[3990:4010])
+    assert counts(rows) == [n % 4000 for n in range(3990, 4010)]
+    assert_values(rows, SvWave(4000), 3990)
 
 
 @pytest.mark.parametrize(
@@ -214,12 +229,14 @@ def test_faults_of_the_order(
         unit.command(**command)
         unit.burst(6)
         stats = unit.stats()
-    offset = 0 if "restart" in command else before
-    frames = receiver.frames()
-    assert counts(tmp_path, frames) == [offset + n for n in expected]
+    frames, stream = receiver.frames(), SvStream(4000, 1)
     assert stats["sent"] == before + len(expected) and stats["next_sample"] == before + 6
-    if "restart" in command:
-        assert_values(dissected(tmp_path, frames), SvWave(4000), before)
+    if "restart" not in command:
+        assert frames == [stream.frame(before + n) for n in expected]
+        return
+    rows = dissected(tmp_path, frames)
+    assert counts(rows) == expected
+    assert_values(rows, SvWave(4000), before)
 
 
 def test_faults_of_the_contents(wire: Wire, receiver: Receiver, tmp_path: Path) -> None:

@@ -105,6 +105,20 @@ def blocks_of(codes, size=800):
     return [SampleBlock(codes[k : k + size], k, k * 50_000) for k in range(0, len(codes) - size + 1, size)]
 
 
+@pytest.mark.parametrize("compiled", [True, False])
+@pytest.mark.parametrize(("noise", "dither"), [(2.0, 0), (30.0, 0), (0.0, 1)])
+def test_a_flat_top_that_noise_has_blurred_is_flagged(noise, dither, compiled, monkeypatch):
+    if not compiled:
+        monkeypatch.setattr("acqd.metering.look.quality_library", lambda: None)
+    random, codes = np.random.default_rng(5), make_mains(50.0, seconds=0.9, phases=3).codes.astype(float)
+    codes[4_000:, 3] = np.clip(codes[4_000:, 3], None, 0.8 * codes[:, 3].max())
+    codes += noise * random.normal(size=codes.shape) + random.integers(-dither, dither + 1, codes.shape)
+    watch = SignalWatch(FORM)
+    flags = [watch.apply(block).flags for block in blocks_of(np.rint(codes).astype(np.int16))]
+    first = flags.index({"clipped"})
+    assert 5 <= first <= 10 and set(flags[first:]) == {frozenset({"clipped"})}  # at the next look
+
+
 def test_flags_come_at_once_and_go():
     codes = make_mains(50.0, seconds=1.5, phases=3).codes
     limit = 0.7 * codes[:, 3].max()

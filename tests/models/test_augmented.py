@@ -1,11 +1,12 @@
 """Models with effects added: on disk, row by row, without a term."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from acqd.errors import UserError
+from acqd.errors import InputError, UserError
 from acqd.models.augmented import Augmented, Term
 from acqd.models.bundle.bundle import Bundle, save_bundle
 from acqd.models.bundle.reference import load_reference, reference_arrays
@@ -14,7 +15,7 @@ from acqd.models.effects.scene import scene_of
 from acqd.models.features import padded
 from acqd.models.greybox.bundle_io import arrays_of
 from acqd.models.predictor import Stream
-from tests.builders import STEP, recording, term
+from tests.builders import STEP, grey_bundle, recording, term
 
 
 def test_augmented_models_come_back_from_disk_and_forget_on_request(model, tmp_path):
@@ -36,7 +37,20 @@ def test_augmented_models_come_back_from_disk_and_forget_on_request(model, tmp_p
     remembered = load_reference(tmp_path / "b")
     assert [each.recording for each in remembered] == ["r_1_00", "r_1_01", "r_1_02"]
     assert np.abs(remembered[2].P - recording(model, 2, seed=1).P).max() < 1e-4
-    assert load_reference(tmp_path) == []
+    save_bundle(tmp_path / "forgetful", replace(bundle, reference=None))
+    assert load_reference(tmp_path / "forgetful") == []
+
+
+def test_a_bundle_without_the_recordings_that_it_was_written_with_says_so(model, tmp_path):
+    for k in range(2):
+        save_bundle(tmp_path / f"b{k}", grey_bundle(reference_arrays([recording(model, k, seed=1)])))
+    lost, other = (tmp_path / f"b{k}" / "reference.safetensors" for k in range(2))
+    other.replace(lost)
+    with pytest.raises(InputError, match="does not match the hash"):
+        load_reference(lost.parent)
+    lost.unlink()
+    with pytest.raises(InputError, match="safetensors: is missing"):
+        load_reference(lost.parent)
 
 
 def test_row_by_row_is_the_whole_recording(model):

@@ -102,6 +102,8 @@ def test_reports_lists_every_page_and_names_what_it_cannot_read(three, tmp_path)
 
 def test_reports_replaces_no_file_that_is_not_a_list(three, tmp_path):
     assert "no such folder" in refused(acqd_here("reports", tmp_path / "nosuch"))
+    (tmp_path / "power.sqlite").write_bytes(b"")
+    assert "is a file, not a folder; name" in refused(acqd_here("reports", tmp_path / "power.sqlite"))
     assert "would be lost" in refused(acqd_here("reports", tmp_path, "--out", three[0]))
     assert "ends in .html" in refused(acqd_here("reports", tmp_path, "--out", tmp_path / "list.txt"))
     (tmp_path / "void").mkdir()

@@ -50,10 +50,23 @@ def test_the_verdict_comes_first_and_the_footer_names_its_sources():
     page.detail("seed", 7)
     text = whole(page)
     body = text.partition("<body>")[2]
-    order = ["Residual &lt;1&gt;", "simulated data", "Payload &amp; more", "1.00 kg", "weigh &lt;it&gt;", "<figure"]
+    shown = ("Payload &amp; more", "1.00\u00a0kg", "weigh &lt;it&gt;")
+    order = ["Residual &lt;1&gt;", "simulated data", *shown, "<figure"]
     assert [body.index(part) for part in order] == sorted(body.index(part) for part in order)
     footer = text[text.index("<footer>") :]
     assert "<dt>seed</dt><dd>7" in footer and "<dt>command</dt>" in footer and "acqd " in footer
+
+
+def test_no_line_ends_between_a_number_and_its_unit():
+    page = Page("Units", simulated=False)
+    figure = KeyFigure("error", "4.77 -> 1.34 W", "95 %: 1 to 2 W")
+    page.verdict(Verdict("found", "", "0.0206 kg m in 8 recordings", [figure]))
+    page.table(["", "energy"], [["a", "20.9 kWh a year"]])
+    page.detail("command", "acqd lab execute --first 3 m")
+    text = whole(page).replace("\u00a0", "_")
+    for shown in ("0.0206_kg m in 8 recordings", "4.77 -&gt; 1.34_W", "95_%: 1 to 2_W", "20.9_kWh a year"):
+        assert shown in text
+    assert "--first 3 m" in text  # a command is copied
 
 
 def test_a_heading_without_content_is_left_out_and_three_sections_have_contents():

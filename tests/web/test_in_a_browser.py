@@ -73,7 +73,11 @@ def shows(page, selector, text):
 
 
 def past_by_keyboard(page):
-    """From live to the past and back without a mouse."""
+    """The values of the course, and from live to the past and back, without a mouse."""
+    page.focus("#chart")
+    for key, said in (("End", ": L1 123.46"), ("Home", ": L1 77")):
+        page.keyboard.press(key)
+        shows(page, "#chart + output", said)
     page.focus("#earlier")
     page.keyboard.press("Enter")
     shows(page, "#summary", "from power")

@@ -79,8 +79,9 @@ WIRING = {
 }
 
 
-UNWEIGHED = ("/events", "/arm", "/three", "/files")
-"""Loaded later: the arm with a posture, three.js when the arm comes into sight, files where [web] takes them."""
+UNWEIGHED = ("/events", "/arm", "/three", "/files", "/values")
+"""Loaded later: the arm with a posture, three.js when the arm comes into sight, files where [web] takes them, values of
+charts when somebody looks."""
 
 
 def posture_at(time_s, angle):
@@ -141,6 +142,18 @@ def health_of_boxes(page):
     shows(page, "#cycles h3", "MAIN_FAST of cell1")
 
 
+def charts_by_keyboard(page):
+    """The values of every chart without a mouse."""
+    for chart, said in (
+        ("#wave", "time [ms] 0: voltage "), ("#harmonics", "order 2: voltage "),
+        ("#predicted-course", "time in the log [s] 0: measured "),
+        ("#residual-course", "time in the log [s] 0: residual 20"),
+    ):  # fmt: skip
+        page.focus(chart)
+        page.keyboard.press("Home")
+        shows(page, f"{chart} + output", said)
+
+
 def test_every_panel_shows_its_data_and_nothing_is_wrong(page_of_all, publisher):  # noqa: F811 - the fixture
     served, alarm = page_of_all
     address = served.server._site._settings.address
@@ -179,6 +192,7 @@ def test_every_panel_shows_its_data_and_nothing_is_wrong(page_of_all, publisher)
             health_of_boxes(page)
             assert page.is_hidden("#loop-controls")
             shows(page, "#files-section", "drop them on the page")
+            charts_by_keyboard(page)
             page.focus("#hold")
             page.keyboard.press("Enter")
             assert page.get_attribute("#hold", "aria-pressed") == "true"

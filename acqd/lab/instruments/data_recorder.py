@@ -45,6 +45,8 @@ class RecorderSettings:
     """RMS, from the resolution of the joint encoders."""
     torque_noise_Nm: float = 0.15
     """RMS of the joint torque sensors."""
+    torque_scale: float = 1.0
+    """Logged torques over the true ones: an error of the sensors' calibration."""
     signals: bool = True
     """Record tool and brake signals as well; the logs of the thesis had none."""
 
@@ -90,7 +92,7 @@ def record(
         _at(values, taken) for values in (signals.q, signals.tau, signals.current, signals.temperature)
     )
     q += random.normal(0, settings.angle_noise_rad, q.shape)
-    tau += random.normal(0, settings.torque_noise_Nm, tau.shape)
+    tau = settings.torque_scale * tau + random.normal(0, settings.torque_noise_Nm, tau.shape)
     tool, brake = (np.round(_at(switch[:, None], taken)) for switch in (signals.tool_on, signals.brake_open))
     layout = next((layout for layout in robot.log if layout.format == "datarecorder"), None)
     if layout is not None:

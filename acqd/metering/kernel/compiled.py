@@ -99,12 +99,13 @@ def load_quality(path: Path) -> ctypes.CDLL:
     codes = (pointer, integer, integer, integer)  # codes, bits, channels or phases, samples or parts
     loaded.acqd_physical.argtypes = [*codes, pointer, pointer]
     loaded.acqd_look.argtypes = [*codes, integer, pointer]
+    loaded.acqd_tops.argtypes = [*codes, pointer, pointer, pointer]
     loaded.acqd_calm.argtypes = [*codes, pointer, integer, integer, *[pointer] * 3]
     loaded.acqd_calm.restype = integer
     loaded.acqd_mean_squares.argtypes = [*codes, integer, pointer, pointer]
     loaded.acqd_filter.argtypes = [pointer, pointer, pointer, number, integer, pointer, *rows, pointer]
     for function in (
-        loaded.acqd_physical, loaded.acqd_look, loaded.acqd_mean_squares, loaded.acqd_resample,
+        loaded.acqd_physical, loaded.acqd_look, loaded.acqd_tops, loaded.acqd_mean_squares, loaded.acqd_resample,
         loaded.acqd_half_cycle_integrals, loaded.acqd_cycle_phasors, loaded.acqd_groups, loaded.acqd_half_cycles,
         loaded.acqd_filter,
     ):  # fmt: skip

@@ -140,6 +140,98 @@ void acqd_look(const void *codes, int64_t bits, int64_t channels, int64_t sample
         look(codes, 32, channels, samples, cycle, out);
 }
 
+#define NOISE_POINTS 64
+#define ENOUGH 256 /* samples that are counted: of more, every second one or fewer */
+
+/* Median of `count` numbers, which are put in another order. (Hoare's selection.) */
+static double median(double *x, int64_t count)
+{
+    const int64_t middle = count / 2;
+    for (int64_t low = 0, high = count - 1; low < high;) {
+        const double pivot = x[middle];
+        int64_t i = low, j = high;
+        while (i <= j) {
+            while (x[i] < pivot)
+                i++;
+            while (x[j] > pivot)
+                j--;
+            if (i <= j) {
+                const double y = x[i];
+                x[i++] = x[j];
+                x[j--] = y;
+            }
+        }
+        if (j < middle)
+            low = i;
+        if (i > middle)
+            high = j;
+    }
+    return x[middle];
+}
+
+/* Band of noise of a channel at its extremes: six standard deviations, from differences of the fourth order of some
+   samples, at least two codes. */
+INLINE double noise_band(const void *codes, const int64_t bits, int64_t channels, int64_t samples, int64_t channel)
+{
+    const int64_t points = samples - 4 < NOISE_POINTS ? samples - 4 : NOISE_POINTS;
+    double sizes[NOISE_POINTS];
+    for (int64_t k = 0; k < points; k++) {
+        const int64_t from = k * (samples - 4) / points * channels + channel;
+#define CODE(N) code_at(codes, bits, from + (N) * channels)
+        sizes[k] = fabs(CODE(0) - 4 * CODE(1) + 6 * CODE(2) - 4 * CODE(3) + CODE(4));
+#undef CODE
+    }
+    return fmax(6 / (0.6745 * sqrt(70.0)) * median(sizes, points), 2);
+}
+
+INLINE void tops(const void *codes, const int64_t bits, int64_t channels, int64_t samples, const double *least,
+                 const double *most, double *out)
+{
+    const int64_t apart = samples / ENOUGH > 1 ? samples / ENOUGH : 1, counted = (samples + apart - 1) / apart;
+    for (int64_t first = 0; first < channels; first += NATIVE) {
+        native limits[2][3] = {{{0}}};
+        native_mask counts[2][3] = {{{0}}};
+        double bands[NATIVE] = {0};
+        for (int64_t lane = 0; lane < NATIVE && first + lane < channels; lane++) {
+            const double band = bands[lane] = noise_band(codes, bits, channels, samples, first + lane);
+            for (int side = 0; side < 2; side++) {
+                const double top = side ? -least[first + lane] : most[first + lane];
+                limits[side][0][lane] = top - band;
+                limits[side][1][lane] = top - 2 * band;
+                limits[side][2][lane] = top / 2;
+            }
+        }
+        for (int64_t n = 0; n < samples; n += apart) {
+            const native x = row_of(codes, bits, channels, samples, n, first);
+            for (int k = 0; k < 3; k++) {
+                counts[0][k] -= (native_mask)(x > limits[0][k]);
+                counts[1][k] -= (native_mask)(-x > limits[1][k]);
+            }
+        }
+        for (int64_t lane = 0; lane < NATIVE && first + lane < channels; lane++) {
+            out[first + lane] = 0;
+            for (int side = 0; side < 2; side++) {
+                const double top = side ? -least[first + lane] : most[first + lane];
+                const int64_t near = counts[side][0][lane], next = counts[side][1][lane], half = counts[side][2][lane];
+                if (20 * bands[lane] < 1.5 * top && near > 5 * (next - near + 1) && 20 * (half - next) > counted)
+                    out[first + lane] = 1;
+            }
+        }
+    }
+}
+
+/* Which channels of codes [samples][channels], at least five, of 16 or 32 bits, may have flat tops that noise blurs
+   (blurred.py decides): many samples within the band of noise at an extreme, few in the next one. least, most
+   [channels] are the extremes; out [channels] is 1 or 0. */
+void acqd_tops(const void *codes, int64_t bits, int64_t channels, int64_t samples, const double *least,
+               const double *most, double *out)
+{
+    if (bits == 16)
+        tops(codes, 16, channels, samples, least, most, out);
+    else
+        tops(codes, 32, channels, samples, least, most, out);
+}
+
 /* Smallest and largest of codes [samples][channels] of each channel, and how many samples are the one or the other
    where they differ, else how many there are: out [3][channels]. */
 INLINE void extremes(const void *codes, const int64_t bits, int64_t channels, int64_t samples, double *out)

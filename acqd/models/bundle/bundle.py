@@ -11,13 +11,15 @@ import numpy as np
 import orjson
 from numpy.typing import NDArray
 from safetensors import SafetensorError
-from safetensors.numpy import load, save, save_file
+from safetensors.numpy import load, save
 
 from acqd.atomic import complete_folder, require_writable
 from acqd.errors import InputError, UserError
 
 FORMAT = 1
 REFERENCE = "reference.safetensors"
+REFERENCE_HASH = "reference_sha256"
+"""Key of bundle.json; null for a bundle without reference recordings, absent in bundles of earlier versions."""
 Arrays: TypeAlias = dict[str, NDArray[Any]]
 
 
@@ -42,20 +44,44 @@ def require_free(path: Path) -> None:
 def save_bundle(path: Path, bundle: Bundle) -> None:
     """Write a bundle completely or not at all; an existing bundle is replaced. Raises UserError, OperationError."""
     require_free(path)
-    contiguous = {name: np.ascontiguousarray(array) for name, array in bundle.arrays.items()}
-    weights = save(contiguous)
-    metadata = {"format": FORMAT, **bundle.metadata, "weights_sha256": hashlib.sha256(weights).hexdigest()}
+    weights = _packed(bundle.arrays)
+    reference = None if bundle.reference is None else _packed(bundle.reference)
+    hashes = {
+        "weights_sha256": hashlib.sha256(weights).hexdigest(),
+        REFERENCE_HASH: None if reference is None else hashlib.sha256(reference).hexdigest(),
+    }
+    metadata = {"format": FORMAT, **bundle.metadata, **hashes}
     with complete_folder(path) as folder:
         (folder / "bundle.json").write_bytes(
             orjson.dumps(metadata, option=orjson.OPT_INDENT_2 | orjson.OPT_SERIALIZE_NUMPY)
         )
         (folder / "weights.safetensors").write_bytes(weights)
-        if bundle.reference is not None:
-            save_file({n: np.ascontiguousarray(a) for n, a in bundle.reference.items()}, folder / REFERENCE)
+        if reference is not None:
+            (folder / REFERENCE).write_bytes(reference)
+
+
+def _packed(arrays: Arrays) -> bytes:
+    """Arrays as the content of a safetensors file."""
+    return save({name: np.ascontiguousarray(array) for name, array in arrays.items()})
 
 
 def load_bundle(path: Path) -> Bundle:
     """Read a bundle without its reference recordings. Raises InputError."""
+    metadata = load_metadata(path)
+    file = path / "weights.safetensors"
+    try:
+        weights = file.read_bytes()
+        arrays = load(weights)
+    except (OSError, SafetensorError) as error:
+        raise InputError(file, f"cannot be read ({error}); copy the bundle again") from None
+    # bundles of earlier versions have no hash
+    if metadata.get("weights_sha256") not in (None, hashlib.sha256(weights).hexdigest()):
+        raise InputError(file, "does not match the hash in bundle.json; copy the bundle again")
+    return Bundle(metadata, arrays)
+
+
+def load_metadata(path: Path) -> dict[str, Any]:
+    """Read the bundle.json of a bundle. Raises InputError."""
     file = path / "bundle.json"
     try:
         metadata = orjson.loads(file.read_bytes())
@@ -70,16 +96,7 @@ def load_bundle(path: Path) -> Bundle:
         raise InputError(
             file, f"has another format than {FORMAT}: it is from another version of acqd; use that, or train again"
         )
-    file = path / "weights.safetensors"
-    try:
-        weights = file.read_bytes()
-        arrays = load(weights)
-    except (OSError, SafetensorError) as error:
-        raise InputError(file, f"cannot be read ({error}); copy the bundle again") from None
-    # bundles of earlier versions have no hash
-    if metadata.get("weights_sha256") not in (None, hashlib.sha256(weights).hexdigest()):
-        raise InputError(file, "does not match the hash in bundle.json; copy the bundle again")
-    return Bundle(metadata, arrays)
+    return metadata
 
 
 def fingerprint(path: Path) -> str:

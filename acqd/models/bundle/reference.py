@@ -6,15 +6,16 @@ so that only what has changed since the training counts.
 
 from __future__ import annotations
 
+import hashlib
 from pathlib import Path
 
 import numpy as np
 from safetensors import SafetensorError
-from safetensors.numpy import load_file
+from safetensors.numpy import load
 
 from acqd.arrays import Floats
 from acqd.errors import InputError
-from acqd.models.bundle.bundle import REFERENCE, Arrays
+from acqd.models.bundle.bundle import REFERENCE, REFERENCE_HASH, Arrays, load_metadata
 from acqd.models.segments import Segment
 
 _AROUND = 12  # rows before and after a segment, as datasets have them
@@ -71,13 +72,20 @@ def _turn(segments: list[Segment], k: int) -> int:
 
 
 def load_reference(bundle: Path) -> list[Segment]:
-    """The reference recordings of a bundle; empty for a bundle without any. Raises InputError."""
-    path = bundle / REFERENCE
+    """The reference recordings of a bundle; empty for a bundle written without any.
+
+    Raises InputError for a bundle that has lost its file, or has that of another one.
+    """
+    path, written = bundle / REFERENCE, load_metadata(bundle).get(REFERENCE_HASH)
     if not path.exists():
-        return []
+        if written is None:
+            return []
+        raise InputError(path, "is missing: changes are found against its recordings; copy the whole bundle again")
     try:
-        arrays = load_file(path)
-        return _segments(arrays)
+        content = path.read_bytes()
+        if written not in (None, hashlib.sha256(content).hexdigest()):
+            raise InputError(path, "does not match the hash in bundle.json; copy the whole bundle again")
+        return _segments(load(content))
     except (OSError, SafetensorError, KeyError, ValueError) as error:
         raise InputError(path, f"cannot be read ({error}); copy the bundle again") from None
 

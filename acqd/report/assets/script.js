@@ -8,7 +8,7 @@ for (const chart of document.querySelectorAll(".chart")) {
   const show = (index) => {
     at = Math.min(Math.max(index, 0), last);
     const values = data.names.map((name, k) => `${name}: ${data.rows[k][at] ?? "-"}`);
-    readout.textContent = [`${data.label}: ${data.x[at]}`, ...values].join("   ");
+    readout.textContent = [`${data.label}: ${data.x[at]}`, ...values].join("   ").replace(/(\d) (?=[A-Za-zµ%°])/g, "$1\u00a0");
     for (const svg of chart.querySelectorAll("svg[data-from]")) {
       const from = Number(svg.dataset.from), to = Number(svg.dataset.to), cursor = svg.querySelector(".cursor");
       const x = from + (to - from) * (data.x[at] - data.x[0]) / (data.x[last] - data.x[0] || 1);
@@ -68,7 +68,8 @@ for (const table of document.querySelectorAll("table[data-sortable]")) {
   const count = label.appendChild(Object.assign(document.createElement("output"), { textContent: said(rows.length) }));
   input.oninput = () => {
     const word = input.value.trim().toLowerCase();
-    rows.forEach((row) => { row.hidden = !row.textContent.toLowerCase().includes(word); });
+    // a number and its unit have a no-break space in the page, and none on a keyboard
+    rows.forEach((row) => { row.hidden = !row.textContent.replaceAll("\u00a0", " ").toLowerCase().includes(word); });
     count.textContent = said(rows.filter((row) => !row.hidden).length);
   };
   table.parentNode.before(label);

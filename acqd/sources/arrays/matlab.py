@@ -14,6 +14,7 @@ from acqd.sources.arrays import hdf5
 from acqd.sources.arrays.channels import recording_of
 from acqd.sources.arrays.contents import Contents, check_size, damaged, scalar
 from acqd.sources.arrays.factors import not_applied, scales
+from acqd.sources.arrays.mat_elements import check_elements
 from acqd.sources.recording.channel import Recording
 from acqd.sources.waveform import ChannelMap
 
@@ -35,6 +36,7 @@ def load(path: Path, given: ChannelMap) -> Recording:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of duplicate names
+            check_elements(path)
             held = whosmat(path)
             check_size(path, sum(8 * _size(shape) for _, shape, _ in held))
             variables = loadmat(path, struct_as_record=False, verify_compressed_data_integrity=True)

@@ -11,11 +11,14 @@ from acqd.errors import UserError
 from acqd.retry import SHARED_LINE, Backoff
 from acqd.sources.meters.access import MeterAccess
 from acqd.sources.meters.agreement import EnergyAgreement
+from acqd.sources.meters.counter import INVALID
 from acqd.sources.meters.decode import raw_value
+from acqd.sources.meters.line_voltage import LineVoltage
 from acqd.sources.meters.plausible import decode, explain, judge
 from acqd.sources.meters.profile import Profile, WordOrder
+from acqd.sources.meters.rated import RatedCurrent
 from acqd.sources.meters.reading import Reading
-from acqd.sources.meters.rounds import INVALID, Judged, RoundJudge
+from acqd.sources.meters.rounds import Judged, RoundJudge
 from acqd.sources.modbus.client import ModbusClient, ModbusError
 
 _log = logging.getLogger(__name__)
@@ -39,6 +42,8 @@ class MeterSettings:
     """Time between two readings [s]; None: the profile's update time."""
     nominal_voltage: float = 230.0
     """V; what the plausibility check expects."""
+    rated_current: float | None = None
+    """A; of the fuse in front of the load. It shows a wrong ratio of current transformers."""
 
 
 class Meter:
@@ -57,6 +62,7 @@ class Meter:
         self._judge = RoundJudge(settings.nominal_voltage)
         energy = profile.quantities.get("total.W")
         self._agreement = EnergyAgreement(energy.scale if energy else 0.0, profile.phases)
+        self._line_voltage, self._rated = LineVoltage(), RatedCurrent(settings.rated_current)
         self._senseless = 0  # rounds in a row without any measurement
         self._trusted = False
         self._backoff = Backoff(SHARED_LINE)
@@ -67,6 +73,8 @@ class Meter:
         self.next_due_ns = 0
         self.trouble = ""
         """Why there are no readings now; one line."""
+        self.remarks: list[str] = []
+        """What contradicts over many rounds, such as a wrong transformer ratio; each once."""
 
     @property
     def profile(self) -> Profile:
@@ -123,15 +131,30 @@ class Meter:
         if fault:
             self._fail(fault, now_ns)
             return None
-        judged = self._judged(client, answers, now_ns)
+        judged = self._remarked(self._judged(client, answers, now_ns), now_ns)
         self.trouble = ""
         self._backoff.reset()
         flags = self._flags(judged.values, now_ns, missed=seq != self._last_seq + 1 and self._last_seq >= 0)
         self._last_seq = seq
-        if remark := self._agreement.feed(judged.values, now_ns):
-            _log.warning("meter %s: %s?", self.settings.name, remark)
         self._say_senseless(judged, answers)
         return Reading(self.settings.name, self.profile.phases, seq, utc(), judged.values, flags | judged.flags)
+
+    def _remarked(self, judged: Judged, now_ns: int) -> Judged:
+        """The round without voltages that have proven to be those between lines; says what many rounds contradict."""
+        values, flags = judged.values, judged.flags
+        new = [self._agreement.feed(values, now_ns), self._rated.feed(values, now_ns)]
+        if self._line_voltage.feed(values):
+            new.append("V x I is 1.73 times S at any load: are its voltages those between lines")
+        if self._judge.too_fast:
+            new.append("its energy rises faster than V x I allow: does it count Wh, or another ratio")
+        for remark in new:
+            if remark and remark not in self.remarks:
+                self.remarks.append(remark)
+                _log.warning("meter %s: %s?", self.settings.name, remark)
+        if self._line_voltage.proven:
+            values = {name: None if name.endswith(".Vrms") else value for name, value in values.items()}
+            flags |= {INVALID}
+        return Judged(values, flags)
 
     def _say_senseless(self, judged: Judged, answers: list[bytes]) -> None:
         """A warning where rounds that made sense no longer do: after an update of the meter, or another one."""
@@ -151,7 +174,7 @@ class Meter:
         values = decode(self.profile, self._access.plan, answers)
         powers = [register for name, register in self.profile.quantities.items() if name.endswith(".P")]
         self._judge.one_moment = self._access.plan.together(powers)
-        if self._judge.contradicts(values):  # a load that changed between two reads of the round
+        if self._judge.contradicts(values, now_ns):  # a load that changed between two reads of the round
             with contextlib.suppress(ModbusError):
                 again = self._access.read(client)
                 if not self._judge.blank(self.profile, self._access.plan, again):

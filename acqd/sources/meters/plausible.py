@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 from acqd.sources.meters.decode import quantity
@@ -119,15 +120,28 @@ def explain(profile: Profile, plan: Plan, answers: list[bytes], nominal_voltage:
     swapped = {name: replace(register, word_order=order) for name, register in profile.quantities.items()}
     if _fits(replace(profile, quantities=swapped), plan, answers, nominal_voltage):
         return f'they make sense with the {order} word first: set word_order = "{order}" for this meter'
+    if _fits(profile, plan, [_exchanged(answer) for answer in answers], nominal_voltage):
+        return "they make sense with the bytes of each register exchanged: set the gateway to the order of Modbus"
     for what, kinds in _SCALED.items():
         for factor in _SCALES:
-            scaled = {
-                name: replace(register, scale=register.scale * factor) if name.rpartition(".")[2] in kinds else register
-                for name, register in profile.quantities.items()
-            }
-            if _fits(replace(profile, quantities=scaled), plan, answers, nominal_voltage):
+            if _fits(_scaled(profile, kinds, factor), plan, answers, nominal_voltage):
                 return f"they make sense with {what} times {factor:g}: check the transformer ratios set in the meter"
+    if _fits(_scaled(profile, _SCALED["voltages"], 1 / math.sqrt(3)), plan, answers, nominal_voltage):
+        return "they make sense with voltages by sqrt(3): these are between lines, set the meter to phase voltages"
     return ""
+
+
+def _scaled(profile: Profile, kinds: tuple[str, ...], factor: float) -> Profile:
+    quantities = {
+        name: replace(register, scale=register.scale * factor) if name.rpartition(".")[2] in kinds else register
+        for name, register in profile.quantities.items()
+    }
+    return replace(profile, quantities=quantities)
+
+
+def _exchanged(answer: bytes) -> bytes:
+    """The bytes of each register exchanged."""
+    return bytes(byte for k in range(0, len(answer) - 1, 2) for byte in (answer[k + 1], answer[k]))
 
 
 def _fits(profile: Profile, plan: Plan, answers: list[bytes], nominal_voltage: float) -> bool:

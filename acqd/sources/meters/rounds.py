@@ -9,14 +9,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from acqd.sources.meters.counter import CONFIRM_NS, CONFIRM_ROUNDS, INVALID, Counter
 from acqd.sources.meters.decode import raw_value
+from acqd.sources.meters.lone import alone
 from acqd.sources.meters.plan import Plan
 from acqd.sources.meters.profile import Profile
 
-INVALID = "invalid"
-"""Flag of a row with values that were no measurements."""
-RESET = "meter_reset"
-"""Flag of the row in which the energy of a reset or exchanged meter is continued."""
 _VOLTS = 2.0
 """Of the nominal voltage: no supply holds more for a second (EN 50160: swells below 1.2 kV stay under 1.7)."""
 _TINY_V = 1e-3
@@ -42,29 +40,9 @@ _LARGEST = 1e10  # A, W, VA or kWh: floats that mean nothing are larger
 _CARRIES, _LEAST_A = 0.05, 0.1
 """Share of the largest current, and amperes, that are no noise."""
 _FEW = 6  # registers of a round that may all be zero by chance
-_CONFIRM_NS, _CONFIRM_ROUNDS = 10_000_000_000, 4
-"""So long, and in so many rounds, a counter must stay below (or far above) its last value to be another one."""
-_STEP = 2e-6  # relative; float32 counters step by 1.2e-7, and some meters round down for a moment
 _CHANNELS = ("L1", "L2", "L3", "total")
-_JUMP_kWh = 1.0
-_JUMP_POWER = 20.0  # times the largest apparent power seen, plus 10 kW: faster no counter rises
-
-
-@dataclass(slots=True)
-class _Counter:
-    """One energy register."""
-
-    first: float | None = None
-    """Reading before the first accepted one: both must agree, because either may be no measurement."""
-    last: float | None = None
-    """Last accepted reading of the register [kWh]."""
-    at_ns: int = 0
-    offset: float = 0.0
-    """What earlier meters or registers counted [kWh]."""
-    doubt: float | None = None
-    """First reading that does not follow `last`."""
-    since_ns: int = 0
-    rounds: int = 0
+_RECENT_NS = 60_000_000_000
+"""Values of longer ago say nothing of those of now."""
 
 
 @dataclass(slots=True)
@@ -82,8 +60,13 @@ class RoundJudge:
     nominal_voltage: float
     one_moment: bool = False
     """P of the phases and of the total are of one answer."""
-    _counters: dict[str, _Counter] = field(default_factory=dict)
+    _counters: dict[str, Counter] = field(default_factory=dict)
     _most_VA: float = 0.0
+    _believed: dict[str, float] = field(default_factory=dict)
+    """Values of the last round in which nothing was contradicted."""
+    _round_ns: int = 0
+    _f_alone: tuple[int, int] | None = None
+    """Since when, and in how many rounds, f alone has left its value."""
 
     def blank(self, profile: Profile, plan: Plan, answers: list[bytes]) -> bool:
         """Whether the registers hold nothing: all of them zero (a meter that boots), or most with all bits high."""
@@ -95,13 +78,18 @@ class RoundJudge:
         """A round that makes no row: the first energies of `judge` have to follow its own."""
         for name, value in values.items():
             if name.endswith((".W", ".W_export")) and value is not None:
-                self._counters.setdefault(name, _Counter()).first = value
+                self._counters.setdefault(name, Counter()).first = value
 
-    def contradicts(self, values: dict[str, float | None]) -> bool:
+    @property
+    def too_fast(self) -> bool:
+        """Whether an energy rises faster than any load at these voltages and currents makes it."""
+        return any(counter.too_fast for counter in self._counters.values())
+
+    def contradicts(self, values: dict[str, float | None], now_ns: int) -> bool:
         """Whether powers, voltages and currents cannot be of the same moment: another read may agree."""
         known = dict(values)
         self._drop_contradicting(known)
-        return known != values
+        return known != values or bool(self._alone(values, now_ns))
 
     def judge(self, values: dict[str, float | None], now_ns: int) -> Judged:
         """The values that may be measurements. A contradiction makes the contradicting ones null."""
@@ -112,7 +100,13 @@ class RoundJudge:
         voltages = [name for name in values if name.endswith(".Vrms") and values[name] is not None]
         if voltages and all(known[name] is None for name in voltages):  # another word order, another device: no energy
             return Judged(dict.fromkeys(values), frozenset({INVALID}))
+        lone = self._alone(known, now_ns)
+        if not self._lasting(lone, now_ns):
+            known |= dict.fromkeys(lone)
         self._drop_contradicting(known)
+        if known == values:
+            self._believed = {name: value for name, value in known.items() if value is not None}
+        self._round_ns = now_ns
         flags = {INVALID} if known != values else set()
         alive = max(known.get(f"L{k}.Vrms") or 0.0 for k in (1, 2, 3)) > _DEAD * self.nominal_voltage
         if known.get("f") == 0 and alive:
@@ -145,47 +139,27 @@ class RoundJudge:
             return abs(value) > _PF
         return abs(value) > _LARGEST or (kind in ("W", "W_export", "Irms") and value < -1e-3)
 
+    def _alone(self, known: dict[str, float | None], now_ns: int) -> set[str]:
+        """Registers that have left the others since the last round."""
+        if now_ns - self._round_ns > _RECENT_NS:
+            self._believed.clear()
+        return alone(self._believed, known, self.nominal_voltage)
+
+    def _lasting(self, lone: set[str], now_ns: int) -> bool:
+        """Whether f alone has left its value for long: it is that of another supply then."""
+        if lone != {"f"}:
+            self._f_alone = None
+            return False
+        since, rounds = self._f_alone or (now_ns, 0)
+        self._f_alone = (since, rounds + 1)
+        return now_ns - since >= CONFIRM_NS and rounds >= CONFIRM_ROUNDS
+
     def _counted(self, name: str, value: float | None, now_ns: int, flags: set[str]) -> float | None:
         """The energy that a register stands for; null while it is in doubt."""
-        counter = self._counters.setdefault(name, _Counter())
+        counter = self._counters.setdefault(name, Counter())
         if value is None:
             return None
-        certain = value > 0 or name != "total.W" or self._confirmed(counter, now_ns)
-        if counter.last is None and counter.first is not None:
-            certain = self._continues(counter.first, value, 0.0)
-            counter.first = value
-        fresh = counter.last is None and certain
-        if fresh or (counter.last is not None and self._follows(counter, value, now_ns)):
-            counter.last = value if counter.last is None else max(value, counter.last)
-            counter.at_ns, counter.doubt = now_ns, None
-            return counter.offset + counter.last
-        flags.add(INVALID)
-        # The first reading of a meter that boots may be 0, as well: then what follows would be a jump.
-        if counter.doubt is None or value < counter.doubt * (1 - _STEP) - 1e-3:
-            counter.doubt, counter.since_ns, counter.rounds = value, now_ns, 0
-        counter.rounds += 1
-        if counter.last is None or not self._confirmed(counter, now_ns):
-            return None
-        flags.discard(INVALID)
-        flags.add(RESET)
-        assert counter.doubt is not None  # else nothing is confirmed
-        counter.offset += counter.last - counter.doubt
-        counter.last, counter.at_ns, counter.doubt = max(value, counter.doubt), now_ns, None
-        return counter.offset + counter.last
-
-    @staticmethod
-    def _confirmed(counter: _Counter, now_ns: int) -> bool:
-        long = now_ns - counter.since_ns >= _CONFIRM_NS
-        return counter.doubt is not None and long and counter.rounds >= _CONFIRM_ROUNDS
-
-    def _follows(self, counter: _Counter, value: float, now_ns: int) -> bool:
-        """Whether a reading may come after the last accepted one."""
-        assert counter.last is not None
-        return self._continues(counter.last, value, max(now_ns - counter.at_ns, 0) / 3.6e12)
-
-    def _continues(self, before: float, value: float, hours: float) -> bool:
-        most = _JUMP_kWh + hours * (10.0 + _JUMP_POWER * self._most_VA / 1000)
-        return -(1e-3 + _STEP * before) <= value - before <= most + _STEP * before
+        return counter.feed(value, now_ns, self._most_VA, may_be_zero=name != "total.W", flags=flags)
 
 
 def _drop_power_factor(channel: str, known: dict[str, float | None]) -> None:

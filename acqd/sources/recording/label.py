@@ -151,6 +151,7 @@ def phase_field(text: str, machine: bool = False) -> list[Reading]:
 
 
 def _words(name: str) -> list[str]:
+    name = re.sub(r"(?i)(?<![a-z])([uv])([123])-(?!\2)([123])(?![a-z\d])", r"\1\2\3", name)  # V1-2
     spaced = re.sub(r"(?<=[a-z])(?=[A-Z][a-z]|[A-Z]\d|[A-Z]$)", " ", name)  # CurrentL1, phaseA
     words: list[str] = []
     for word in re.split(r"[^a-z0-9]+", spaced.lower()):

@@ -11,8 +11,8 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.metering.block import Codes
+from acqd.metering.blurred import blurred_tops
 from acqd.metering.integrity import clipped, rolled_over, saturated, shifted, uneven
-from acqd.sources.recording.blurred import blurred_tops
 from acqd.sources.recording.continuity import held
 
 Marks = tuple[tuple[int, int, frozenset[str]], ...]

@@ -9,6 +9,7 @@ from itertools import islice
 from pathlib import Path
 
 from acqd.errors import InputError
+from acqd.quoted_cells import rejoined
 from acqd.sources.text.table import HEAD_LINES
 
 _HEAD_BYTES = 1 << 20
@@ -60,7 +61,10 @@ class Text:
         self.below = below if any(line.strip(" \t\r\n\0") for line in below) else []
 
     def lines(self) -> Iterator[str]:
-        """All lines. Raises InputError for bytes that are no text."""
+        """All rows, each as one line. Raises InputError for bytes that are no text."""
+        return (line for _, line in rejoined(self._lines_of_the_file()))
+
+    def _lines_of_the_file(self) -> Iterator[str]:
         left_out = len(self.below) + self.torn
         try:
             with self.path.open(encoding=self._encoding) as file:

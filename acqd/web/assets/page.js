@@ -14,9 +14,12 @@ const scripts = {}; // name -> promise; one that failed is asked for again
 const script = (name) => scripts[name] ??= new Promise((done, failed) => document.head.append(Object.assign(document.createElement("script"), { src: `/assets/${name}`, onload: done, onerror: (error) => { delete scripts[name]; failed(error); } })));
 const style = (name) => document.head.append(Object.assign(document.createElement("link"), { rel: "stylesheet", href: `/assets/${name}` }));
 const text = (value, digits) => value === null || value === undefined ? "-" : value.toFixed(digits);
+// no line ends before a unit
+const unbroken = (text) => String(text ?? "").replace(/(\d) (?=(?:%|°C|EUR|min|h|[µmkMG]?(?:Wh?|VA?|A|J|Hz|B|m|s))(?!\w))/g, "$1\u00a0");
 const put = (node, value) => {
-  if ((node.firstChild?.nodeValue ?? "") === value) return false;
-  node.textContent = value;
+  const text = unbroken(value);
+  if ((node.firstChild?.nodeValue ?? "") === text) return false;
+  node.textContent = text;
   return true;
 };
 const visibility = new IntersectionObserver((entries) => entries.forEach((entry) => visible.set(entry.target, entry.isIntersecting)));
@@ -120,6 +123,10 @@ function cells(row, texts) {
   texts.forEach((cell, k) => put(row.cells[k] ?? row.appendChild(k ? document.createElement("td") : Object.assign(document.createElement("th"), { scope: "row" })), cell));
 }
 
+// values.js says them when somebody looks
+const read = (event) => { const node = event.currentTarget; script("values.js").then(() => acqdValues(node, event)); };
+const readable = (node, plot, shown) => { Object.assign(node, { plot, shown, tabIndex: 0 }); node.onkeydown ??= node.onpointerenter = read; };
+
 function legend(list, items) {
   list.replaceChildren(...items.map(([name, stroke, dash]) => {
     const item = document.createElement("li");
@@ -181,6 +188,7 @@ function draw(anew) {
       axes: axes({ label: "time (of this browser)", values: clockTimes, space: 70 }, { label: option.textContent }),
       series: [{}, ...lines],
     }, rows, $("chart"));
+    readable($("chart"), plot, (x) => new Date(1000 * x).toLocaleTimeString());
     legend($("legend"), shown.map((name) => [name, colour(name), DASH[name]]));
   } else plot.setData(rows);
 }

@@ -54,6 +54,8 @@
     shown.residual?.destroy();
     shown.power = plot($("predicted-course"), 240, "P [W]", lines, [seconds, course.measured, course.predicted]);
     shown.residual = plot($("residual-course"), 160, "residual [W]", [["residual", colour("L2"), []]], [seconds, course.residual]);
+    readable($("predicted-course"), shown.power);
+    readable($("residual-course"), shown.residual);
     legend($("course-legend"), [...lines, ["residual = measured - predicted", colour("L2"), []]]);
     const least = Math.min(...course.residual), most = Math.max(...course.residual);
     put($("course-note"), `residual from ${least.toFixed(1)} to ${most.toFixed(1)} W${course.rows_per_point > 1 ? `, means of ${course.rows_per_point} rows` : ""}`);

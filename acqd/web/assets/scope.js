@@ -39,6 +39,7 @@
         axes: [x, y, { ...y, label: `${i} [A]`, scale: "A", side: 1, grid: { show: false } }],
         series: [{}, ...lines.map(([label, stroke, dash], k) => ({ label, stroke, dash, width: 2, scale: k ? "A" : "V", points: { show: false } }))],
       }, rows, $("wave"));
+      readable($("wave"), scope.wave);
       legend($("scope-legend"), lines);
     } else scope.wave.setData(rows);
     spectrum(anew);
@@ -64,6 +65,7 @@
         axes: axes({ label: "order", incrs: [1, 2, 5, 10], space: 30 }, { label: "% of the fundamental" }),
         series: [{}, ...names.map(([label, stroke], k) => ({ label, stroke, fill: k ? "transparent" : stroke, width: 2, paths: uPlot.paths.bars({ size: [0.36], align: k ? 1 : -1 }), points: { show: false } }))],
       }, rows, $("harmonics"));
+      readable($("harmonics"), scope.bars);
       legend($("harmonic-legend"), [[`voltage (filled)`, names[0][1]], [`current (outlined)`, names[1][1], [1, 0]]]);
     } else scope.bars.setData(rows);
   }

@@ -3,10 +3,12 @@
 import json
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import acqd.robot
 from tests.commands import acqd_here
 
 
@@ -35,6 +37,15 @@ def test_logs_that_are_not_this_robots_are_refused(trained, tmp_path):
     for name, expected in (("degrees.csv", "degrees"), ("six.csv", "7 axes")):
         done = acqd_here("predict", bundle, tmp_path / name)
         assert done.returncode == 2 and expected in done.stderr, done.stderr
+
+
+def test_a_log_of_another_robot_is_doubted(trained, logs, tmp_path):
+    bundle, other = trained[0] / "grey-box-everything-s1", tmp_path / "of.toml"
+    text = (Path(acqd.robot.__file__).parent / "descriptions" / "iiwa7_r800.toml").read_text()
+    other.write_text(text.replace('name = "iiwa7_r800"', 'name = "iiwa7_with_tool"'))
+    done = acqd_here("predict", bundle, logs[0], "--robot", other, "--json")
+    assert done.returncode == 0 and "read as a log of iiwa7_with_tool, but the model is of iiwa7_r800" in done.stderr
+    assert "is that meant?" in json.loads(done.stdout)["left_out"]
 
 
 def test_predicting_needs_neither_a_robot_library_nor_parquet(trained, logs):

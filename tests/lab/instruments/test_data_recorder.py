@@ -21,7 +21,7 @@ def test_what_the_controller_records_is_what_is_read(tmp_path, name, suffix):
     seen = motion(robot.axes)
     path = tmp_path / f"one{suffix}"
     clock = ControllerClock(offset_s=3.5, drift_ppm=40.0, origin_utc_ns=1_600_000_000_000_000_000)
-    settings = RecorderSettings(jitter_s=0.0, angle_noise_rad=0.0, torque_noise_Nm=0.0)
+    settings = RecorderSettings(jitter_s=0.0, angle_noise_rad=0.0, torque_noise_Nm=0.0, torque_scale=1.02)
     rows = record(path, robot, seen, 1000.0, clock, settings, np.random.default_rng(0))
     log = read_log(path, robot)
     assert rows == len(log.time) == 100
@@ -31,6 +31,8 @@ def test_what_the_controller_records_is_what_is_read(tmp_path, name, suffix):
     np.testing.assert_array_equal(log.signals["tool"], seen.tool_on[::40])
     np.testing.assert_array_equal(log.signals["brake"], seen.brake_open[::40])
     assert (log.tau is not None) == (name == "iiwa7_r800")
+    if log.tau is not None:
+        np.testing.assert_allclose(log.tau, 1.02 * seen.tau[::40], atol=1e-5)
     assert (log.current is not None) == (name == "ur10e")
 
 

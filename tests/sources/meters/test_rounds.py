@@ -163,7 +163,7 @@ def test_p_that_reads_0_for_a_moment_is_no_measurement_beside_s_and_pf():
     judge = RoundJudge(230.0)
     judge.judge(good(), 0)
     values = judge.judge(good(L1_P=0.0), SECOND).values
-    assert values["L1.P"] is None and values["L1.PF"] is None and values["L2.P"] == 414.0
+    assert values["L1.P"] is None and values["L1.PF"] == 0.9 and values["L2.P"] == 414.0
     distorted = good(L1_P=230.0, L1_PF=1.0)  # cos phi of a load whose current has a THD of 173 %
     assert judge.judge(distorted, 2 * SECOND).values["L1.P"] == 230.0
 

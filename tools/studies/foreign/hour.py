@@ -11,9 +11,10 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import resource
 import subprocess
 import sys
+import tempfile
+import time
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -58,17 +59,20 @@ def prepared(out: Path, seed: int, name: str) -> tuple[Path, Path]:
 
 def closed(dataset: Path, model: Path, folder: Path) -> Cost:
     """`acqd close-loop` in a process. Raises StepError."""
-    before = os.times()
     command = [sys.executable, "-m", "acqd", "close-loop", dataset, "--model", model, "--out", folder, "--json"]
-    done = subprocess.run(list(map(str, command)), capture_output=True, text=True, check=False, env=environment(None))
-    after = os.times()
-    if done.returncode:
-        raise StepError(f"acqd close-loop ended with {done.returncode}: {done.stderr.strip()[-300:]}")
-    report = json.loads(done.stdout)
-    cpu_s = after.children_user + after.children_system - before.children_user - before.children_system
-    peak_MB = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss * 1024 / 1e6
+    began = time.monotonic()
+    with tempfile.TemporaryFile("w+") as said, tempfile.TemporaryFile("w+") as complaints:
+        process = subprocess.Popen(list(map(str, command)), stdout=said, stderr=complaints, env=environment(None))
+        _, status, usage = os.wait4(process.pid, 0)  # of this process alone: training may have taken more
+        wall_s = time.monotonic() - began
+        texts = [(each.seek(0), each.read())[1] for each in (said, complaints)]
+    process.returncode = os.waitstatus_to_exitcode(status)
+    if process.returncode:
+        raise StepError(f"acqd close-loop ended with {process.returncode}: {texts[1].strip()[-300:]}")
+    report = json.loads(texts[0])
+    cpu_s, peak_MB = usage.ru_utime + usage.ru_stime, usage.ru_maxrss * 1024 / 1e6
     named = [effect["id"] for effect in report["effects"]]
-    return Cost(round(cpu_s, 1), round(after.elapsed - before.elapsed, 1), round(peak_MB), report["verdict"], named)
+    return Cost(round(cpu_s, 1), round(wall_s, 1), round(peak_MB), report["verdict"], named)
 
 
 def main() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from acqd.sources.recording.blurred import blurred_tops
+from acqd.metering.blurred import blurred_tops
 from acqd.sources.recording.marks import marks_of
 from tests.places import WAVEFORMS
 

@@ -1,0 +1,145 @@
+"""What only several rounds of a meter show: registers that leave the others, other units, wrong ratios."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from acqd.sources.meters import load_profile
+from acqd.sources.meters.line_voltage import LineVoltage
+from acqd.sources.meters.plan import make_plan
+from acqd.sources.meters.plausible import explain
+from acqd.sources.meters.rated import RatedCurrent
+from acqd.sources.meters.rounds import RoundJudge
+from tests.sources.meters.test_rounds import SECOND, good, without
+
+SQRT3 = 3**0.5
+
+
+def voltages(factor, values):
+    return {name: value * factor if name.endswith(".Vrms") else value for name, value in values.items()}
+
+
+def after_a_round(values):
+    judge = RoundJudge(230.0)
+    for k in range(2):
+        first = {name: value for name, value in good().items() if name in values}
+        assert not judge.judge(first, k * SECOND).flags
+    return judge.judge(values, 2 * SECOND), judge
+
+
+@pytest.mark.parametrize("missing", [(), ("S",), ("PF",), ("S", "PF")])
+@pytest.mark.parametrize("phases", [1, 3])
+def test_voltages_between_lines_are_no_phase_voltages(missing, phases):
+    names = {f"L{k}" for k in range(1, phases + 1)} | {"f"}
+    values = {name: value for name, value in without(good(), *missing).items() if name.partition(".")[0] in names}
+    judged, judge = after_a_round(voltages(SQRT3, values))
+    assert {name for name, value in judged.values.items() if value is None} == {
+        f"L{k}.Vrms" for k in range(1, phases + 1)
+    }
+    assert judged.flags == {"invalid"}
+    assert not judge.judge(values, 3 * SECOND).flags
+
+
+@pytest.mark.parametrize(
+    ("wrong", "null"),
+    [({"L1.Vrms": 294.0}, "L1.Vrms"), ({"L1.Irms": 3.5}, "L1.Irms"), ({"L1.S": 724.0}, "L1.S"),
+     ({"L2.P": 208.0}, "L2.P"), ({"L3.PF": 0.4}, "L3.PF"), ({"total.P": 2484.0}, "total.P"), ({"f": 60.0}, "f")],
+)  # fmt: skip
+def test_a_register_cannot_leave_the_others_alone(wrong, null):
+    judged, judge = after_a_round(good() | wrong)
+    assert {name for name, value in judged.values.items() if value is None} == {null} and "invalid" in judged.flags
+    assert judge.contradicts(good() | wrong, 3 * SECOND) and not judge.contradicts(good(), 3 * SECOND)
+    assert not judge.judge(good(), 3 * SECOND).flags
+
+
+@pytest.mark.parametrize("missing", [("S",), ("PF",), ("S", "PF")])
+def test_a_voltage_that_is_wrong_is_so_at_other_loads(missing):
+    values = {name: value for name, value in without(good(), *missing).items() if name.startswith("L1")}
+    _, judge = after_a_round(values)
+    loads = [1.0, 1.01, 2.0, 0.5] if missing != ("S", "PF") else [1.0, 1.01]
+    for k, load in enumerate(loads, start=3):
+        changed = {n: v * load if n.endswith((".Irms", ".P", ".S")) else v for n, v in voltages(1.3, values).items()}
+        assert judge.judge(changed, k * SECOND).values["L1.Vrms"] is None, load
+
+
+def test_loads_mains_and_another_supply_are_believed():
+    for changes in (
+        {"L1.Irms": 4.0, "L1.P": 828.0, "L1.S": 920.0, "total.P": 1656.0, "total.S": 1840.0},  # a load
+        {"L1.Irms": 4.0, "L1.S": 920.0, "L1.PF": 0.45, "total.S": 1840.0},  # a reactive one
+        {"L1.Vrms": 120.0, "L1.Irms": 3.83},  # a dip, at constant power
+        {"L1.P": -414.0, "total.P": 414.0},  # returns what it has drawn
+        {"L1.Vrms": 398.0, "L1.S": 796.0, "L1.P": 716.0, "total.P": 1544.0, "total.S": 1716.0},  # the neutral is lost
+        {"L1.Vrms": 251.0},  # EN 50160, S of a moment ago
+    ):
+        judged, _ = after_a_round(good() | changes)
+        assert not judged.flags, changes
+    _, judge = after_a_round(good())
+    flags = [judge.judge(good() | {"f": 60.0}, k * SECOND).flags for k in range(3, 20)]
+    assert flags[0] == {"invalid"} and not flags[-1]
+
+
+def test_a_wrong_first_round_does_not_make_the_right_ones_wrong():
+    first = without(good(), "S", "PF") | {"L1.Vrms": 115.0}
+    judge = RoundJudge(230.0)
+    judge.judge(first, 0)
+    assert judge.judge(without(good(), "S", "PF"), SECOND).values["L1.Vrms"] == 230.0
+
+
+@pytest.mark.parametrize("step_s", [1, 4])
+@pytest.mark.parametrize(("times", "wrong"), [(1.0, False), (30.0, False), (1000.0, True)])
+def test_an_energy_that_no_load_reaches_counts_in_another_unit(times, wrong, step_s):
+    judge = RoundJudge(230.0)
+    energies = ((k, 1000 + times * 1.242 * k / 3600) for k in range(0, 4000, step_s))
+    flags = [judge.judge(good() | {"total.W": W}, k * SECOND).flags for k, W in energies]
+    assert ("invalid" in flags[-1]) == wrong == judge.too_fast
+    assert sum("meter_reset" in one for one in flags) <= wrong and sum(map(bool, flags)) >= wrong * 0.98 * len(flags)
+
+
+def rounds(share, currents, **missing):
+    for current in currents:
+        yield {"L1.Vrms": 208.0, "L1.Irms": current, "L1.S": 208.0 * current / share, "L1.P": 100.0} | missing
+
+
+def test_only_a_share_that_no_load_changes_proves_voltages_between_lines():
+    steps = np.linspace(2.0, 4.0, 40)
+    proof = LineVoltage()
+    assert sum(proof.feed(values) for values in rounds(SQRT3, steps)) == 1 and proof.proven
+    assert proof.feed(next(rounds(1.0, [3.0]))) is False and not proof.proven
+    for share, currents in ((1.0, steps), (SQRT3, np.full(40, 3.0)), (SQRT3, steps / 10), (1.6, steps)):
+        proof = LineVoltage()
+        assert not any(proof.feed(values) for values in rounds(share, currents))
+    distorted = [
+        next(rounds(share, [current])) for share, current in zip(np.linspace(1.85, 1.6, 40), steps, strict=True)
+    ]
+    assert not any(map(LineVoltage().feed, distorted))
+
+
+@pytest.mark.parametrize(
+    ("amperes", "seconds", "said"),
+    [(16.0, 7300, ""), (22.0, 7300, ""), (24.0, 7300, "60 minutes"), (42.0, 130, "2 minutes"), (330.0, 1, "now"),
+     (100.0, 60, "")],
+)  # fmt: skip
+def test_a_fuse_tells_a_ratio_that_is_too_large(amperes, seconds, said):
+    rated = RatedCurrent(16.0)
+    remarks = [rated.feed({"L1.Irms": amperes}, k * SECOND) for k in range(0, seconds + 1, 1)]
+    assert [one for one in remarks if one] == ([rated.remark] if said else []) and said in rated.remark
+    assert not RatedCurrent(None).feed({"L1.Irms": 1e6}, 0)
+
+
+def test_advice_names_exchanged_bytes_and_voltages_between_lines():
+    import struct
+
+    profile = load_profile("sdm120")
+    plan = make_plan(profile)
+    values = {"L1.Vrms": 230.0, "L1.Irms": 2.0, "L1.P": 414.0, "L1.S": 460.0, "L1.PF": 0.9, "f": 50.0}
+
+    def answers(values):
+        memory = bytearray(2 * 128)
+        for name, register in profile.quantities.items():
+            memory[2 * register.address : 2 * register.address + 4] = struct.pack(">f", values.get(name, 100.0))
+        return [bytes(memory[2 * at : 2 * (at + count)]) for _, at, count in plan.reads]
+
+    odd = [bytes(byte for k in range(0, len(one), 2) for byte in (one[k + 1], one[k])) for one in answers(values)]
+    assert "bytes of each register" in explain(profile, plan, odd, 230.0)
+    assert "sqrt(3)" in explain(profile, plan, answers(values | {"L1.Vrms": 398.4}), 230.0)
