@@ -41,6 +41,8 @@ class Doubt:
     rows: Rows
     """With the columns of the step's detections."""
     law: Unknown
+    margin: float
+    """By which a law has to exceed names: what wrong columns leave of the leader's evidence."""
     table: tuple[Hypothesis, ...]
 
 
@@ -50,7 +52,7 @@ def select(setup: Setup, limits: Limits, progress: Callable[[str], None]) -> Sel
     state = State(rows, rows, tuple(setup.gates), kinds_of(setup.design.columns.candidates))
     state, doubt = _grown(state, limits, progress)
     state = _settled(state)
-    if doubt is not None and _explained(doubt.before) + _explained_by_law(doubt, limits) > _explained(state):
+    if doubt is not None and _by_law(doubt, limits) > _explained(state) + doubt.margin:
         table = led_by(doubt.table, doubt.law.finding)
         state = replace(doubt.before, rows=doubt.rows, unknown=doubt.law, table=table, standing=state.standing)
     rows = replace(state.rows, regression=state.rows.regression.on(state.rows.design.blocks))
@@ -82,7 +84,7 @@ def _grown(state: State, limits: Limits, progress: Callable[[str], None]) -> tup
             state = replace(state, rows=step.rows, unknown=unknown, table=table)
             break
         if step.outdone and doubt is None:
-            doubt = Doubt(state, step.rows, step.unknown, step.table)
+            doubt = Doubt(state, step.rows, step.unknown, step.ahead, step.table)
         rows, effect = step.accepted()
         state = replace(state, rows=rows, steps=(*state.steps, step.table))
         state = _with_effects(state, (*state.effects, effect))
@@ -143,10 +145,10 @@ def _with_varied(state: State, beyond: float) -> State | None:
     return replace(state, rows=rows, effects=effects, varied=(*state.varied, *columns))
 
 
-def _explained_by_law(doubt: Doubt, limits: Limits) -> float:
-    """Evidence above the margins of a law and of the one effect that leads beside the law, if one passes."""
+def _by_law(doubt: Doubt, limits: Limits) -> float:
+    """Evidence above the margins of the effects before a law, of the law, and of the effect that leads beside it."""
     state, law = doubt.before, doubt.law
-    net = law.finding.evidence - law.margin
+    net = _explained(state) + law.finding.evidence - law.margin
     if len(state.effects) + 1 >= limits.max_effects:
         return net
     columns = [Column(int(index), law.gate.open, owner="law") for index in law.finding.candidate.indices]
