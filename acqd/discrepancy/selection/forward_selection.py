@@ -41,8 +41,6 @@ class Doubt:
     rows: Rows
     """With the columns of the step's detections."""
     law: Unknown
-    margin: float
-    """By which a law has to exceed names: what wrong columns leave of the leader's evidence."""
     table: tuple[Hypothesis, ...]
 
 
@@ -52,7 +50,7 @@ def select(setup: Setup, limits: Limits, progress: Callable[[str], None]) -> Sel
     state = State(rows, rows, tuple(setup.gates), kinds_of(setup.design.columns.candidates))
     state, doubt = _grown(state, limits, progress)
     state = _settled(state)
-    if doubt is not None and _by_law(doubt, limits) > _explained(state) + doubt.margin:
+    if doubt is not None and _remains(doubt, state) and _by_law(doubt, limits) > _explained(state):
         table = led_by(doubt.table, doubt.law.finding)
         state = replace(doubt.before, rows=doubt.rows, unknown=doubt.law, table=table, standing=state.standing)
     rows = replace(state.rows, regression=state.rows.regression.on(state.rows.design.blocks))
@@ -84,7 +82,7 @@ def _grown(state: State, limits: Limits, progress: Callable[[str], None]) -> tup
             state = replace(state, rows=step.rows, unknown=unknown, table=table)
             break
         if step.outdone and doubt is None:
-            doubt = Doubt(state, step.rows, step.unknown, step.ahead, step.table)
+            doubt = Doubt(state, step.rows, step.unknown, step.table)
         rows, effect = step.accepted()
         state = replace(state, rows=rows, steps=(*state.steps, step.table))
         state = _with_effects(state, (*state.effects, effect))
@@ -143,6 +141,15 @@ def _with_varied(state: State, beyond: float) -> State | None:
     regression = state.rows.regression.with_columns(state.rows.design.blocks, columns)
     rows = replace(state.rows, regression=regression)
     return replace(state, rows=rows, effects=effects, varied=(*state.varied, *columns))
+
+
+def _remains(doubt: Doubt, state: State) -> bool:
+    """Whether the law explains more, beside all names, than what wrong columns leave: before a payload has its name, a
+    curve of friction explains a part of it.
+    """
+    gate, law = doubt.law.gate.open, doubt.law.finding.candidate
+    left = ranked(state.rows, gate, [law])
+    return bool(left) and left[0].evidence > margin(state.rows, gate, left[0], state.known, state.kinds)
 
 
 def _by_law(doubt: Doubt, limits: Limits) -> float:

@@ -73,10 +73,8 @@ class Step:
     """What would lead if unchanged sessions did not differ by as much; with columns over both sides."""
     law: Hypothesis | None
     """The unnamed alternative that explains most, if that passes by itself."""
-    ahead: float
-    """By which the law has to exceed the leader."""
     outdone: bool
-    """Whether the law does."""
+    """Whether the law explains more than the leader by the margin."""
     best: tuple[Finding, ...]
     """Of every kind, the largest evidence first."""
     beyond: float
@@ -124,11 +122,11 @@ class Step:
         law = next((judge(each) for each in best if not each.candidate.id), None)
         beyond = max(min(each.finding.evidence, each.beyond_sessions) for each in (leader, law) if each is not None)
         law = None if law is None or law.finding.evidence <= law.margin else law
-        outdone, ahead = False, 0.0
+        outdone = False
         if law is not None and first is not None:
             fit = fits[first.candidate.id]
-            ahead = margin(fit.rows, gate.open, law.finding, [*state.known, first], state.kinds)
-            outdone = law.finding.evidence > first.evidence + ahead
+            least = margin(fit.rows, gate.open, law.finding, [*state.known, first], state.kinds)
+            outdone = law.finding.evidence > first.evidence + least
         blocked = leader is None or bool(leader.missing)
         usual = None
         if law is not None and law.missing == (USUAL,) and (outdone or blocked):
@@ -138,7 +136,7 @@ class Step:
         law = None if law is None or law.missing else law
         return cls(
             state, rows, gate, led_by(tuple(map(judge, shown)), first), fits, detections, None if blocked else leader,
-            usual, law, ahead, outdone and law is not None, tuple(best), beyond,
+            usual, law, outdone and law is not None, tuple(best), beyond,
         )  # fmt: skip
 
     def standing(self) -> Standing:
