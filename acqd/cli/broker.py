@@ -11,6 +11,7 @@ import typer
 
 from acqd.cli.options import Json, bare
 from acqd.daemon.notify import notify
+from acqd.plc.realtime import die_with_parent
 
 _ALIVE_S = 5.0
 
@@ -19,12 +20,15 @@ def broker(
     host: Annotated[str, typer.Option(callback=bare, help="Address to listen on.")] = "127.0.0.1",
     port: Annotated[int, typer.Option(min=1, max=65535)] = 1883,
     duration: Annotated[float | None, typer.Option(min=0.1, help="Stop after so many seconds.")] = None,
+    embedded: Annotated[bool, typer.Option("--embedded", hidden=True)] = False,
     json: Json = False,
 ) -> None:
     """Run the embedded MQTT broker (3.1.1, no passwords; a plant runs mosquitto).
 
     Example: acqd broker --port 1884
     """
+    if embedded:
+        die_with_parent()
     asyncio.run(_serve(host, port, duration, json))
 
 

@@ -177,6 +177,8 @@ def maintain_command(
 ) -> None:
     """Make the 1 min and 15 min roll-ups, then delete what is past its retention (keep_days in the configuration).
 
+    Without keep_days, rows stay for 30 days, or for as long as the disk of an SQLite database has room.
+
     Deletes nothing where this computer's clock may be wrong, unless you say --yes.
 
     Example: acqd sink maintain --config /etc/acqd/acqd.toml
@@ -184,10 +186,11 @@ def maintain_command(
     from acqd.storage.database import open_database
     from acqd.storage.maintain import maintain
     from acqd.storage.retention_doubt import doubt, note_run
+    from acqd.storage.room import fitted
 
     settings = configured(config)
     engine, now = open_database(database or settings.sink.database, create=False), time.time()
-    retention = settings.sink.retention()
+    retention = fitted(engine, settings.sink.retention())
     if not yes and (why := doubt(engine, retention, now)):
         raise UserError(f"maintain: {why}; nothing was deleted: set the clock, or say --yes if it is right")
     done = maintain(engine, retention, now)

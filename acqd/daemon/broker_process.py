@@ -40,7 +40,8 @@ class BrokerProcess:
 
     async def _launch(self) -> None:
         process = await asyncio.create_subprocess_exec(
-            *(sys.executable, "-P", "-m", "acqd", "broker", "--host", self._host, "--port", str(self._port)),
+            *(sys.executable, "-P", "-m", "acqd", "broker", "--embedded"),
+            *("--host", self._host, "--port", str(self._port)),
             stdin=asyncio.subprocess.DEVNULL,
             stdout=asyncio.subprocess.PIPE,
             start_new_session=True,

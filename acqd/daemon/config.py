@@ -74,7 +74,8 @@ class SinkSection(Section):
     group: Annotated[str, Field(pattern=r"^[^/+#]*$")] = ""
     batch: Annotated[int, Field(ge=1, le=50_000)] = 2_000
     interval: Annotated[float, Field(gt=0, le=10)] = 0.25
-    keep_days: Annotated[float, Field(ge=0)] = 30.0
+    keep_days: Annotated[float, Field(ge=0)] | None = None
+    """None: 30, or fewer where the disk has no room for so many."""
     keep_1min_days: Annotated[float, Field(ge=0)] = 365.0
     keep_quarantine_days: Annotated[float, Field(ge=0)] = 30.0
     quarantine_mb_per_day: Annotated[float, Field(ge=0)] = 32.0
@@ -88,7 +89,8 @@ class SinkSection(Section):
         """The retention times of `acqd sink maintain`."""
         from acqd.storage.maintain import Retention
 
-        return Retention(self.keep_days, self.keep_1min_days, self.keep_quarantine_days)
+        days = Retention().power_days if self.keep_days is None else self.keep_days
+        return Retention(days, self.keep_1min_days, self.keep_quarantine_days, fits_disk=self.keep_days is None)
 
 
 class _Daemon(Section):

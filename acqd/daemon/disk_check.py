@@ -30,11 +30,15 @@ def disk_check(config: Config, file: Path | None = None) -> Finding:
         return Finding("disk", "fail", f"{folder}: {error.strerror or error}", "mount the disk or share")
     count = len(config.devices)
     week = _ROW_BYTES * _CHANNELS * count * _WEEK_S / config.window
-    kept = f"keep_days = {config.sink.keep_days:g}" if config.sink.keep_days else "no keep_days"
+    keep = config.sink.keep_days
+    kept = f"keep_days = {keep:g}" if keep else "they stay for ever (keep_days = 0)"
+    if keep is None and not elsewhere:
+        kept = "they stay for 30 days, or for as long as there is room (no keep_days)"
+    elif keep is None:
+        kept = "they stay for 30 days (no keep_days)"
     devices = "1 device" if count == 1 else f"{count} devices"
     text = f"{free / 1e9:.1f} GB free at {folder}: rows of {devices} for {7 * free / week:.1f} days; {kept}"
-    lasts = free > week and (elsewhere or free > week / 7 * (config.sink.keep_days or 0))
-    advice = (
-        f"a week of rows needs {week / 1e9:.0f} GB, {week / 7e9:.1f} GB a day: lower [sink] keep_days, or more disk"
-    )
+    lasts = free > week and (elsewhere or free > week / 7 * (keep or 0))
+    lower = "lower [sink] keep_days, or more disk" if keep else "more disk"
+    advice = f"a week of rows needs {week / 1e9:.0f} GB, {week / 7e9:.1f} GB a day: {lower}"
     return Finding("disk", "ok", text) if lasts else Finding("disk", "warn", text, advice)

@@ -8,7 +8,6 @@ import time
 import uuid
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -19,6 +18,7 @@ from acqd.changes import StateLog
 from acqd.daemon.config import Config
 from acqd.daemon.instance import claimant
 from acqd.daemon.register import RegisterFile, Run
+from acqd.daemon.rights_watch import RightsWatch
 from acqd.telemetry import topics
 from acqd.telemetry.ask import Claimant
 from acqd.telemetry.connector import Connector
@@ -32,7 +32,6 @@ from acqd.telemetry.quality_row import QualityRow
 from acqd.telemetry.receipts import LastRow
 from acqd.telemetry.register_row import OnceAMinute, register_row
 from acqd.telemetry.register_witness import RegisterWitness
-from acqd.telemetry.rights import refused
 from acqd.telemetry.row import PowerRow, parse_row
 from acqd.telemetry.spool import Readings, Spool, SpooledRow, Stream, confirm
 from acqd.telemetry.spool.left_behind import folder_of, left_behind, strangers
@@ -40,15 +39,6 @@ from acqd.telemetry.spool.left_behind import folder_of, left_behind, strangers
 _log = logging.getLogger(__name__)
 _SYNC_S = 0.8  # at most 1 s of rows is at risk when the power fails
 _NO_SINK_S = 60.0
-_RIGHTS_S = 0.5
-_REFUSED_S = 10.0
-"""Access rules are changed by hand."""
-_AGAIN_S = 5.0
-"""Without receipts, rules that change during a connection are known by asking again only."""
-_LATE_S = 2.0
-"""Receipts that come later than this raise the question whether rows arrive."""
-_AT_ONCE = 16
-"""Topics of one question: fewer than the messages that any broker takes at once."""
 _LEFT_BEHIND_S, _STRANGERS_S = 60.0, 5.0
 """Spools of other names change when somebody starts a daemon there."""
 _ANSWER_S, _LOOK_S = 5.0, 1.0
@@ -88,8 +78,8 @@ class Uplink:
             status_topic=topics.status(config.device),
             greeting=lambda: status() if self.name.held else None,
         )
+        self._rights = RightsWatch(config, self._delivery, self._connector, me)
         self._says = StateLog(_log)
-        self._refused: dict[str, str] = {}
         self._folder = folder
         self._register_times = OnceAMinute()
         self._sync_trouble, self._warned = "", False
@@ -134,7 +124,7 @@ class Uplink:
             tasks.append(asyncio.create_task(self._watch_other_names(self._config.state_dir)))
         if not self._config.broker.embedded:  # that one has no access rules
             self._delivery.doubt()
-            tasks.append(asyncio.create_task(self._watch_rights()))
+            tasks.append(asyncio.create_task(self._rights.watch()))
         self.started = tasks
         return tasks
 
@@ -188,7 +178,7 @@ class Uplink:
         await self._connector.flush(timeout)
         if self._config.spool.until == "acknowledged" and not self._config.broker.embedded:
             with suppress(TimeoutError):
-                await asyncio.wait_for(self._ask_at_last(), max(0.5, timeout - (time.monotonic() - begun)))
+                await asyncio.wait_for(self._rights.ask_at_last(), max(0.5, timeout - (time.monotonic() - begun)))
 
     def close(self) -> None:
         """Leave what waits on disk for the next start."""
@@ -232,7 +222,7 @@ class Uplink:
             connected=connector.state == "connected",
             broker_trouble=self.name.trouble or connector.trouble,
             certificate=connector.certificate,
-            rights_trouble=self.rights_trouble,
+            rights_trouble=self._rights.trouble,
             clock_trouble=delivery.clock_trouble,
             reconnects=max(connector.reconnects, 0),
             gone_back=delivery.gone_back,
@@ -270,69 +260,6 @@ class Uplink:
             else:
                 self._says.fine("spool", "no rows wait under another name or in copies any more")
             await asyncio.sleep(_STRANGERS_S)
-
-    async def _watch_rights(self) -> None:
-        """Ask the broker, for each connection and kind of topic, whether it takes what it acknowledges.
-
-        Where no receipt says that rows arrive, or none comes, ask again and again.
-        """
-        asked: set[str] = set()
-        asked_at = time.monotonic()
-        connection = self._connector.reconnects
-        while True:
-            await asyncio.sleep(_RIGHTS_S)
-            if self._connector.reconnects != connection:
-                connection, asked = self._connector.reconnects, set()
-            doubtful = self._config.spool.until == "acknowledged" or self._delivery.receipt_lag_s > _LATE_S
-            if doubtful and time.monotonic() - asked_at > _AGAIN_S:
-                asked = set()
-            examples = self._delivery.examples
-            if self._connector.state != "connected" or set(examples) <= asked:
-                continue
-            if not asked:
-                self._delivery.ask()
-            some = sorted(set(examples) - asked)[:_AT_ONCE]
-            asked_at = time.monotonic()
-            found = await self._refusals(some)
-            before, self._refused = self._refused, found or {}
-            if self._refused:
-                self._delivery.doubt()
-                asked = set()
-                self._says.trouble("broker", "refuses", self.rights_trouble, logging.ERROR)
-                await asyncio.sleep(_REFUSED_S)
-                continue
-            asked |= set(some)
-            if before:
-                self._says.fine("broker", "takes rows again")
-                self._delivery.again()
-            elif set(examples) <= asked:
-                self._delivery.trust()
-
-    async def _refusals(self, some: Sequence[str]) -> dict[str, str] | None:
-        """Of these topics those whose rows the broker refuses; None: it does not say."""
-        examples = self._delivery.examples
-        client_id = f"acqd-{self._config.device}-{self.name.me.boot}-rights"
-        messages = [replace(examples[topic], tag=None) for topic in some]
-        return await refused(self._config.mqtt.address(), client_id, self._config.device, messages)
-
-    async def _ask_at_last(self) -> None:
-        """What the broker has acknowledged is delivered if it takes rows now: a stop leaves nothing to send again."""
-        some = sorted(self._delivery.examples)
-        if self._refused or not some or self._connector.state != "connected":
-            return
-        self._delivery.ask()
-        if not await self._refusals(some):
-            self._delivery.trust()
-
-    @property
-    def rights_trouble(self) -> str:
-        """Which rows the broker acknowledges and does not take, else empty."""
-        if not self._refused:
-            return ""
-        topic, reason = next(iter(self._refused.items()))
-        what = "message_size_limit" if "too large" in reason else "access rules"
-        more = f" and {len(self._refused) - 1} topics more" if len(self._refused) > 1 else ""
-        return f"the broker acknowledges rows and refuses them: {topic}{more} ({reason}); check its {what}"
 
     def _say_name(self) -> None:
         if trouble := self.name.trouble:

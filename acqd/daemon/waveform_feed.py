@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import logging
 import threading
@@ -65,6 +66,7 @@ class WaveformFeed:
         self._register = RegisterFile(config.state_dir, config.device) if config.state_dir else None
         self._last_run = self._register.last_run() if self._register is not None else None
         self._before: Known | None = None
+        self._asking: asyncio.Task[None] | None = None
         self._unconfirmed, self._stopped = self._last_run is not None and self._last_run.unconfirmed, False
         self._boot = Boot(boot)
         self._deliver = deliver
@@ -106,6 +108,7 @@ class WaveformFeed:
             makers=[*source.makers, self._make_signals],
             make_watch=self._make_watch,
             make_keeper=self._make_keeper if self._archive is not None else None,
+            before_meter=self._asked,
             of=company.name,
             spawn=company.spawn,
         )
@@ -116,15 +119,25 @@ class WaveformFeed:
         return self._executive.refused + self._refused
 
     async def start(self) -> None:
-        """Start MAIN_FAST. Raises UserError when its source cannot be used."""
-        if self._sent is not None and self._register is not None:
-            run = self._register.unfinished()
-            if run is not None:
-                self._before = await self._sent.last_rows(self._config.device)
-                self._unconfirmed |= run.cut_off and (self._before is None or not self._before.answered)
-        await self._executive.start()
+        """Start MAIN_FAST, and ask meanwhile what is stored. Raises UserError when its source cannot be used."""
+        self._asking = asyncio.create_task(self._ask())
+        try:
+            await self._executive.start()
+        finally:
+            self._asking.cancel()
         self._refused = prioritise("MAIN_SLOW", self._config.realtime.slow_priority)
         self._begun = time.monotonic()
+
+    async def _ask(self) -> None:
+        """What others know of the last rows of a run that did not end."""
+        run = self._register.unfinished() if self._register is not None else None
+        if self._sent is not None and run is not None:
+            self._before = await self._sent.last_rows(self._config.device)
+            self._unconfirmed |= run.cut_off and (self._before is None or not self._before.answered)
+
+    async def _asked(self) -> None:
+        if self._asking is not None:
+            await self._asking
 
     async def run(self) -> None:
         """Make rows until the source ends or `stop` is called."""

@@ -96,7 +96,7 @@ def fit_common(overlaps: list[Overlap], lags_s: Floats, weights: Floats | None, 
 def part_at(overlap: Overlap, lag_s: float, weights: Floats) -> Part:
     """A recording at a lag, with the first columns for which there are weights."""
     X, y = overlap.shifted(lag_s)
-    predicted = overlap.columns[:, : len(weights)] @ weights
+    predicted = overlap.columns[:, : len(weights)] @ weights.astype(np.float32)  # gives the direction of a step only
     slope = np.interp(overlap.at + lag_s, overlap.t, np.gradient(predicted, STEP_S))
     step_s = float(np.median(np.diff(overlap.at)))
     return Part(*(without_slow(values, step_s) for values in (X[:, : len(weights)], y, slope)))

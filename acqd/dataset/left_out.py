@@ -5,7 +5,7 @@ Recordings of the same programme are left out together: a regression that has me
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -62,10 +62,9 @@ class Judge:
 
     def lag(self, k: int, near_s: float) -> Judgement | None:
         """Recording `k` at its best lag within 0.2 s of `near_s`; None if too little power is there."""
-        found = self._overlap(k, near_s)
-        if found is None:
+        predicted = self._predicted(k, near_s)
+        if predicted is None:
             return None
-        predicted = _Predicted(found, self._weights(k))
         tried = near_s + np.arange(-_REACH_S, _REACH_S + _GRID_S / 2, _GRID_S)
         usual_W = max(float(np.median(np.abs(predicted.y))), _LEAST_W)
         lag_s = float(tried[int(np.argmin([biweight_loss(predicted.residual(lag)[0], usual_W) for lag in tried]))])
@@ -80,12 +79,21 @@ class Judge:
 
     def at(self, k: int, lag_s: float) -> Judgement | None:
         """Recording `k` at a given lag; None if too little power is there."""
-        found = self._overlap(k, lag_s)
-        return None if found is None else self._judged(_Predicted(found, self._weights(k)), lag_s)
+        predicted = self._predicted(k, lag_s)
+        return None if predicted is None else self._judged(predicted, lag_s)
 
-    def _overlap(self, k: int, near_s: float) -> Overlap | None:
-        near = Lag(near_s, 0.0, 1.0)
-        return overlap(self._regressors[k], self._power, self._supply.seconds, near, self._supply.average_s)
+    def _predicted(self, k: int, near_s: float) -> _Predicted | None:
+        """Recording `k` with the power that the others' regression predicts; None if too little power is there.
+
+        Supply, meter and band limit are linear, so that they act on the prediction instead of on all regressors.
+        """
+        single, weights, near = self._regressors[k], self._weights(k), Lag(near_s, 0.0, 1.0)
+        power = single.columns[:, : len(weights)] @ weights
+        found = overlap(
+            replace(single, columns=power[:, None]), self._power, self._supply.seconds, near, self._supply.average_s
+        )
+        enough = found is not None and len(found.at) >= 2 * single.columns.shape[1]
+        return _Predicted(found) if found is not None and enough else None
 
     def _weights(self, k: int) -> Floats:
         """Weights without the recordings of the same programme, or all weights if too few others remain."""
@@ -114,10 +122,11 @@ class Judge:
 class _Predicted:
     """Metered and predicted power of one recording, without slow changes."""
 
-    def __init__(self, found: Overlap, weights: Floats) -> None:
+    def __init__(self, found: Overlap) -> None:
+        """`found` has one column, the predicted power."""
         self._at, self._t = found.at, found.t
         self._step_s = float(np.median(np.diff(found.at)))
-        power = found.columns[:, : len(weights)] @ weights
+        power = found.columns[:, 0]
         self._power, self._slope = CubicSpline(found.t, power), CubicSpline(found.t, power).derivative()
         self.y = without_slow(found.P, self._step_s)
 

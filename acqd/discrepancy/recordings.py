@@ -311,18 +311,25 @@ def _hold_out(segments: list[Segment], unseen: list[Segment], *, same: bool) -> 
     """Recordings for the search, and whole held-out recordings.
 
     In the model's own dataset, the model's test recordings are held out. In a new dataset, every fourth recording
-    is held out, and the first one of them is chosen such that signals switch among them: no chance decides.
+    is held out. The first one of them is chosen such that no session is held out as a whole, because effects are not
+    searched in held-out recordings, and that signals switch among them: no chance decides.
     """
     if same:
         names = {segment.recording for segment in unseen}
         return [segment for segment in segments if segment.recording not in names], unseen
     starts: dict[str, float] = {}
+    sessions: dict[str, set[str]] = {}
     for segment in unseen:
         starts[segment.recording] = min(segment.start_s, starts.get(segment.recording, np.inf))
+        sessions.setdefault(segment.session, set()).add(segment.recording)
     in_time = sorted(sorted(starts), key=lambda name: starts[name])
     every = THRESHOLDS.held_out_every
-    first = max(range(every), key=lambda start: _switching(unseen, set(in_time[start::every])))
-    names = set(in_time[first::every])
+
+    def worth(start: int) -> tuple[int, float]:
+        names = set(in_time[start::every])
+        return -sum(own <= names for own in sessions.values()), _switching(unseen, names)
+
+    names = set(in_time[max(range(every), key=worth) :: every])
     return [s for s in unseen if s.recording not in names], [s for s in unseen if s.recording in names]
 
 

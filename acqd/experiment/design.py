@@ -88,6 +88,11 @@ class Designed:
         return self.after.pieces
 
     @property
+    def is_random(self) -> bool:
+        """Whether the program is random motion, because no other one promises more."""
+        return all(piece.random for piece in self.pieces)
+
+    @property
     def worked_min(self) -> float:
         """Minutes of work before the session: 0 for cold gears."""
         return 0.0 if self.cold else WARM_S / 60
@@ -110,7 +115,11 @@ class Designed:
 
 
 def next_motion(report: Path, asked: Asked, progress: Progress) -> Designed:
-    """Design the recording that decides. Raises UserError, InputError."""
+    """Design the recording that decides. Raises UserError, InputError.
+
+    Pieces of random motion are preferred where they promise as much: the reference has motion of that kind, and turns
+    of single joints also show what the model gets wrong about them.
+    """
     require_known(asked.causes)
     question = question_of(report, asked.causes, progress)
     subject = question.subject
@@ -132,19 +141,19 @@ def next_motion(report: Path, asked: Asked, progress: Progress) -> Designed:
     if any(name in known and known[name].follows_clock for name in ids):
         sessions.append(_session(question, so_far, space, pieces, asked, progress, cold=True))
     best = max(sessions, key=lambda session: session.worth)
-    names = best.program
-    if not names:
+    if not best.program:
         causes = ", ".join(cause.candidate.id or cause.candidate.label for cause in best.contest.causes)
         raise UserError(f"no motion within these limits helps to tell {causes} apart: allow more, or name other causes")
+    seconds = {name: pieces[name].seconds for name in best.moments}
+    total_s = sum(seconds[name] for name in best.program)
+    random = filled([name for name, piece in pieces.items() if piece.random], seconds, total_s)
+    names = best.of_random_motion() or best.program
     steps = tuple(step for name in names for step in pieces[name].steps)
     motion = motion_of(space, steps)
     broken = space.broken_limit(motion)
     if broken is not None:
         raise UserError(f"the program exceeds a limit of {subject.robot.name} ({broken}): choose another --seed")
     progress("comparing with random motion", 0.9)
-    seconds = {name: pieces[name].seconds for name in best.moments}
-    total_s = sum(seconds[name] for name in names)
-    random = filled([name for name, piece in pieces.items() if piece.random], seconds, total_s)
     parameters = chosen(d_optimal(best.contest), best.so_far, best.moments, seconds, total_s)
     return Designed(
         question, asked, space, best.cold, best.contest.causes, steps, motion,
@@ -168,6 +177,15 @@ class _Session:
     def worth(self) -> float:
         """Of the program."""
         return self.contest.score(self._after(self.program))
+
+    def of_random_motion(self) -> list[str]:
+        """The best program of random motion as long as the program; empty where that is worth less."""
+        like = {name: moments for name, moments in self.moments.items() if self.pieces[name].random}
+        seconds = {name: piece.seconds for name, piece in self.pieces.items()}
+        total_s = sum(seconds[name] for name in self.program)
+        program = chosen(self.contest.score, self.so_far, like, seconds, total_s)
+        ours, theirs = (self.outlook(each).right(self.contest.causes) for each in (self.program, program))
+        return program if ours - theirs < _WORTH_IT else []
 
     def outlook(self, program: list[str]) -> Outlook:
         """What the recordings so far and a program promise."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -13,7 +13,7 @@ from acqd.arrays import Floats
 from acqd.discrepancy.another_time import another_time
 from acqd.discrepancy.averaging import with_like_means
 from acqd.discrepancy.beforehand import PLANNED
-from acqd.discrepancy.causes.belief import shipped
+from acqd.discrepancy.causes.belief import OUTSIDE, Belief, shipped
 from acqd.discrepancy.config import CloseConfig
 from acqd.discrepancy.recordings import Subject, subject_of
 from acqd.discrepancy.regression.design_columns import Candidate
@@ -57,6 +57,8 @@ class Question:
     """Ids and places of the effects that the report has named and does not doubt."""
     open: bool
     """Whether the report leaves a question: no name for what differs, or a name in doubt."""
+    believed: Belief | None
+    """Of the largest cause; None where that one has its name already, and where the report has no set of causes."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,6 +91,8 @@ def question_of(report: Path, asked: tuple[str, ...], progress: Progress) -> Que
             if not settled(each)
         ]
         unanswered, all_named = leaves_open(told), told["verdict"] == "effects_found"
+        said = told.get("causes")
+        believed = Belief(said["probabilities"], tuple(said["set"])) if said and not named else None
     except OSError as error:
         raise UserError(
             f"{file} cannot be read ({error.strerror}); name the folder that acqd close-loop has written"
@@ -105,7 +109,7 @@ def question_of(report: Path, asked: tuple[str, ...], progress: Progress) -> Que
         raise UserError(
             f"{report}: the loop had no reference to compare with; close the loop on later recordings first"
         )
-    return Question(report, config, unexplained(subject)[1], named, unanswered)
+    return Question(report, config, unexplained(subject)[1], named, unanswered, believed)
 
 
 def _require_motion_helps(report: Path, doubted: list[tuple[str, ...]]) -> None:
@@ -152,7 +156,7 @@ def opened(
         ranked(known, known.design.columns.in_question, [c for c in known.design.columns.candidates if c.id not in out])
     )
     candidates = [each for each in rows.design.columns.candidates if each.id not in out]
-    causes = _causes(known, rows, exists, _leading(findings, known, asked))
+    causes = _causes(known, rows, exists, _leading(findings, known, asked, question.believed), question.believed)
     return Open(rows, exists, pieces, _contest(rows, exists, causes, candidates))
 
 
@@ -235,10 +239,10 @@ def require_known(names: tuple[str, ...]) -> None:
             )
 
 
-def _leading(findings: list[Finding], rows: Rows, asked: tuple[str, ...]) -> list[Finding]:
-    """What the loop would not yet tell apart: within the margin of the leader (ADR 26), or else the first few.
+def _leading(findings: list[Finding], rows: Rows, asked: tuple[str, ...], believed: Belief | None) -> list[Finding]:
+    """What the loop would not yet tell apart: its set of causes, and what is within the margin of the leader (ADR 26).
 
-    Clocks are no causes here: another session has other clocks.
+    The first few where only one is. Clocks are no causes here: another session has other clocks.
     """
     for name in asked:
         if all(finding.candidate.id != name for finding in findings):
@@ -249,8 +253,33 @@ def _leading(findings: list[Finding], rows: Rows, asked: tuple[str, ...]) -> lis
     if not causes:
         raise UserError("nothing that acqd knows acts in these recordings; record another motion")
     least = causes[0].evidence - _margin(causes[0].evidence, rows)
-    near = [finding for finding in causes if finding.evidence >= least]
+    law = next((finding for finding in causes if not finding.candidate.id), None)
+    members = () if believed is None else believed.members
+    near = [
+        finding for finding in causes
+        if finding.evidence >= least or finding.candidate.id in members or (finding is law and OUTSIDE in members)
+    ]  # fmt: skip
+    if believed is not None:
+        near.sort(key=lambda finding: -believed.probabilities.get(_label(finding), 0.0))
     return (near if len(near) > 1 else causes[:_FEWEST])[:CAUSES]
+
+
+def _label(finding: Finding) -> str:
+    return finding.candidate.id or OUTSIDE
+
+
+def beliefs(labels: Sequence[str], evidence: Floats, moved: float, believed: Belief | None) -> Floats:
+    """[causes] what they are believed, among themselves: as the report says, and causes of one label by their evidence.
+
+    Without a report's belief, by evidence alone, of which `moved` is one logit.
+    """
+    shares = np.exp((evidence - evidence.max()) / moved)
+    if believed is not None and any(label in believed.probabilities for label in labels):
+        least = min(believed.probabilities.values())
+        for label in dict.fromkeys(labels):
+            own = np.array([each == label for each in labels])
+            shares[own] *= believed.probabilities.get(label, least) / shares[own].sum()
+    return np.asarray(shares / shares.sum())
 
 
 def _margin(evidence: float, rows: Rows) -> float:
@@ -258,17 +287,18 @@ def _margin(evidence: float, rows: Rows) -> float:
     return by_chance(kinds) + THRESHOLDS.column_error**2 * max(evidence, 0.0)
 
 
-def _causes(known: Rows, rows: Rows, exists: Floats, leading: list[Finding]) -> tuple[Cause, ...]:
-    """With a belief by the calibrated scale of evidence (ADR 65).
+def _causes(
+    known: Rows, rows: Rows, exists: Floats, leading: list[Finding], believed: Belief | None
+) -> tuple[Cause, ...]:
+    """With the report's belief, or one by the calibrated scale of evidence (ADR 65).
 
     `known`: the recordings that exist; `rows`: those and the pieces, in which a law has other columns.
     """
     gate = known.design.columns.in_question
-    first = max(finding.evidence for finding in leading)
+    evidence = np.array([finding.evidence for finding in leading])
     scale = shipped().scale
-    moved = scale.chance + scale.columns * THRESHOLDS.column_error**2 * max(first, 0.0)
-    believed = np.exp([(finding.evidence - first) / moved for finding in leading])
-    believed /= believed.sum()
+    moved = scale.chance + scale.columns * THRESHOLDS.column_error**2 * max(float(evidence.max()), 0.0)
+    shares = beliefs([_label(finding) for finding in leading], evidence, moved, believed)
     units = [replace(finding, coefficients=_unit(finding)) for finding in leading]
     columns = known.design.columns
     days = len({columns.segments[part.segment].session for part in columns.parts if part.in_question})
@@ -278,7 +308,7 @@ def _causes(known: Rows, rows: Rows, exists: Floats, leading: list[Finding]) -> 
     )
     by_key = {each.key: each for each in rows.design.columns.candidates}
     causes = []
-    for finding, unit, spread, after, share in zip(leading, units, spreads, fewer, believed.tolist(), strict=True):
+    for finding, unit, spread, after, share in zip(leading, units, spreads, fewer, shares.tolist(), strict=True):
         candidate = by_key[finding.candidate.key]
         theta, single = unit.coefficients, len(unit.coefficients) == 1
         if not single and not candidate.id:  # the columns of a law follow the range of the motion

@@ -11,7 +11,7 @@ import contextlib
 import logging
 import os
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import asdict, replace
 
 import numpy as np
@@ -55,13 +55,15 @@ class Executive:
         makers: Sequence[Callable[[StreamFormat], Stage | None]] = (),
         make_watch: Callable[[StreamFormat], Callable[[SampleBlock], None]] | None = None,
         make_keeper: MakeKeeper | None = None,
+        before_meter: Callable[[], Awaitable[None]] | None = None,
         of: str = "",
         spawn: Spawn | None = None,
     ) -> None:
         """`makers` make the stages before the meter; `make_meter` gets the format after them.
 
         So does `make_watch`, which makes what gets every block after the meter. `make_keeper` makes what gets
-        all blocks of a cycle as the source delivers them, before they are metered. `of` names the device in the log
+        all blocks of a cycle as the source delivers them, before they are metered. `before_meter` is awaited before
+        the meter is made: samples wait in the ring, which holds seconds of them. `of` names the device in the log
         where there are several. `spawn` starts the process of MAIN_FAST; None: in a fresh interpreter.
         """
         self._spawn = spawn
@@ -71,6 +73,7 @@ class Executive:
         self._window = window
         self._on_batch = on_batch
         self._make_watch, self._make_keeper = make_watch, make_keeper
+        self._before_meter = before_meter
         self._fast: FastProcess | None = None
         self._slow: SlowTask | None = None
         self._wake_fd = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
@@ -234,6 +237,13 @@ class Executive:
         if self._form is not None and fast.form != self._form:
             fast.kill()
             raise OperationError("the source has another format than before (rate, scale or phases); start again")
+        if self._slow is None and self._before_meter is not None:
+            try:
+                await self._before_meter()
+            except BaseException:
+                fast.kill()
+                await fast.process.wait()
+                raise
         previous, self._fast = self._fast, fast
         if self._slow is None:
             self._form = fast.form

@@ -32,7 +32,7 @@ def main() -> int:
 
 
 def run(orders: dict[str, Any]) -> int:
-    """Run MAIN_FAST. Exit 0: ended or stopped; 2: bad source."""
+    """Run MAIN_FAST. Exit 0: ended or stopped; 1: its daemon is gone; 2: bad source."""
     die_with_parent()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the daemon's; it tells us when to stop
     stopping = False
@@ -67,7 +67,9 @@ def run(orders: dict[str, Any]) -> int:
     )
     refused = engage(RealtimeSettings(**orders["realtime"]))
     answer = {"form": asdict(form), "live": source.live, "flags": sorted(source.flags), "layout": asdict(layout)}
-    _answer(answer | {"refused": refused, "period_ns": source.period_ns, "patience_s": source.patience_s})
+    if not _answer(answer | {"refused": refused, "period_ns": source.period_ns, "patience_s": source.patience_s}):
+        source.close()  # killed before `die_with_parent`: nobody would ever end this process, which has the device
+        return 1
     utc_ns, index = orders["source"].get("start_utc_ns") or time.time_ns(), 0
     if orders["resume"] and source.live:
         # Restarted: the old stream continues after a gap as long as the outage. The outage is measured on the
@@ -83,12 +85,17 @@ def run(orders: dict[str, Any]) -> int:
     return 0
 
 
-def _answer(message: dict[str, Any]) -> None:
-    with contextlib.suppress(BrokenPipeError):  # the daemon was killed meanwhile: this process ends with it
+def _answer(message: dict[str, Any]) -> bool:
+    """Whether the daemon is there to read it."""
+    there = True
+    try:
         print(json.dumps(message), flush=True)
+    except BrokenPipeError:
+        there = False
     with contextlib.suppress(BrokenPipeError):
         sys.stdout.close()
     sys.stdout = open(os.devnull, "w")  # noqa: SIM115 - lives as long as the process
+    return there
 
 
 if __name__ == "__main__":

@@ -193,12 +193,14 @@ def temperature_fault(values: Floats) -> str:
 
 
 def on_off(values: Floats) -> Floats | None:
-    """A signal [T] as 0 and 1, from any two levels of which one is 0, or -1; None for other values.
+    """A signal [T] as 0 and 1, from any two levels of which one is 0, or -1; None for other values, and without any.
 
     Values between 0 and 1 (resampled ones) and NaN stay.
     """
     known = np.unique(values[np.isfinite(values)])
-    if not len(known) or (known[0] >= 0.0 and known[-1] <= 1.0):
+    if not len(known):
+        return None
+    if known[0] >= 0.0 and known[-1] <= 1.0:
         return values
     if len(known) > 2 or (known[0] < 0.0 and len(known) == 1) or (len(known) == 2 and not {0.0, -1.0} & {*known}):
         return None

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from acqd.arrays import Floats
 from acqd.errors import UserError
@@ -53,11 +53,14 @@ class Flange(Section):
 
 
 class LogColumns(Section):
-    """How one kind of log names its columns. In a name, {0} is the axis counted from 0, {1} counted from 1."""
+    """How one kind of log names its columns.
+
+    In a name, {0} is the axis counted from 0, {1} counted from 1, {joint} the name of the joint.
+    """
 
     format: Literal["datarecorder", "csv", "ros"]
     joints: list[str] = Field(default=[])
-    """Of ROS bags: the joints' names in the order of the axes, where they differ from those of the description."""
+    """The joints' names in the order of the axes, where they differ from those of the description."""
     topic: str | None = None
     """Of ROS bags: the topic of the joint states, where several have all joints."""
     effort: Literal["tau", "current"] = "tau"
@@ -95,6 +98,15 @@ class LogColumns(Section):
     state: str | None = None
     """State of the controller, such as RTDE's runtime_state."""
 
+    @field_validator("q", "qd", "tau", "current", "temperature", "tool_point")
+    @classmethod
+    def _can_be_filled(cls, pattern: str | None) -> str | None:
+        try:
+            (pattern or "").format(0, 1, joint="")
+        except (IndexError, KeyError, ValueError, AttributeError):
+            raise ValueError("expected {0}, {1} or {joint} where the names differ, and no other braces") from None
+        return pattern
+
 
 class RobotDescription(Section):
     """A whole robot."""
@@ -118,6 +130,9 @@ class RobotDescription(Section):
         names = [joint.name for joint in self.joint]
         if len(set(names)) < len(names):
             raise ValueError(f"joint names {names} are not all different")
+        for layout in self.log:
+            if layout.joints and len(layout.joints) != len(names):
+                raise ValueError(f"log: joints names {len(layout.joints)} joints; expected {len(names)}")
         return self
 
     @property

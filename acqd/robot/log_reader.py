@@ -60,7 +60,8 @@ def log_of(path: Path, table: Table, robot: RobotDescription) -> RobotLog:
         raise InputError(path, refusal(table, log.q, faults, robot, recorded))
     kept = np.ones(len(log.time), bool)
     kept[list(faults)] = False
-    stale = _frozen(log, kept, robot)
+    steps = steps_of(log.q[kept])
+    stale = _frozen(log, kept, steps, robot)
     kept &= ~stale.any(axis=1)
     if not kept.all():
         remarks = filter(None, [log.note, note(table, faults)])
@@ -76,7 +77,7 @@ def log_of(path: Path, table: Table, robot: RobotDescription) -> RobotLog:
     if point is not None:
         check_tool_point(path, robot, log.q, point)
     unwrapped_q = log.q
-    log, q_step = _refreshed(log, robot)
+    log, q_step = _refreshed(log, steps, robot)
     quality = MotionQuality(
         unwrapped=_names(robot, recorded != unwrapped_q),
         by_itself=_names(robot, log.q != unwrapped_q),
@@ -98,12 +99,14 @@ def _names(robot: RobotDescription, flags: NDArray[np.bool_]) -> tuple[str, ...]
     return tuple(robot.joint[axis].name for axis in np.flatnonzero(flags.any(axis=0)))
 
 
-def _frozen(log: RobotLog, kept: NDArray[np.bool_], robot: RobotDescription) -> NDArray[np.bool_]:
-    """[T, axes] angles of the rows `kept` [T] that were not refreshed while the joint moved on."""
+def _frozen(
+    log: RobotLog, kept: NDArray[np.bool_], steps: Floats, robot: RobotDescription
+) -> NDArray[np.bool_]:  # fmt: skip
+    """[T, axes] angles of the rows `kept` [T], written in `steps` [axes], not refreshed while the joint moved on."""
     stale = np.zeros(log.q.shape, bool)
     rows = np.flatnonzero(kept)
     rows = rows[np.unique(log.time[rows], return_index=True)[1]]
-    stale[rows] = frozen(log.time[rows], log.q[rows], steps_of(log.q[rows]), robot.acceleration)
+    stale[rows] = frozen(log.time[rows], log.q[rows], steps, robot.acceleration)
     return stale
 
 
@@ -121,11 +124,14 @@ def _unwrapped(log: RobotLog, robot: RobotDescription) -> RobotLog:
     return replace(log, q=angles)
 
 
-def _refreshed(log: RobotLog, robot: RobotDescription) -> tuple[RobotLog, Floats]:
-    """The log without the old angles of joints that are refreshed by themselves, and how finely it knows angles."""
+def _refreshed(log: RobotLog, steps: Floats, robot: RobotDescription) -> tuple[RobotLog, Floats]:
+    """The log without the old angles of joints that are refreshed by themselves, and how finely it knows angles.
+
+    `steps` [axes]: how finely they are written.
+    """
     stamps, rows = in_time(log)
     angles = log.q.copy()
-    angles[rows], q_step = between_refreshes(stamps, log.q[rows], steps_of(log.q[rows]), robot.speed)
+    angles[rows], q_step = between_refreshes(stamps, log.q[rows], steps, robot.speed)
     return replace(log, q=angles), q_step
 
 
@@ -196,7 +202,7 @@ def _assemble(path: Path, table: Table, layout: LogColumns, columns: Columns) ->
     levels = {name: on_off(column) for name in ("tool", "brake") if (column := single(name)) is not None}
     signals = {name: column for name, column in levels.items() if column is not None}
     others_than = " and ".join(name for name, column in levels.items() if column is None)
-    note = f"{others_than} holds other values than 0 and 1, and is not used" if others_than else ""
+    note = f"{others_than} holds other cells than 0 and 1, and is not used" if others_than else ""
     there = {name: column for name in PER_AXIS[1:] if (column := values(name)) is not None}
     others: dict[str, Any] = {name: column for name, column in there.items() if np.isfinite(column).any()}
     power, voltage, current = single("power"), single("bus_voltage"), single("bus_current")

@@ -48,8 +48,10 @@ _ENCODINGS = {
     re.compile(rb"(?:\0[\t\n\r -~]){8}"): "utf-16-be",
 }
 """Beginnings of text in other encodings, by their mark or by the zeros between the characters."""
-_POSES = ("q", "position", "positions", "actual_q", "joint_positions")
-"""Names of columns that hold all angles of a row as a list."""
+_GENERIC = ("q", "qd", "tau", "current", "temperature")
+"""Names of the generic header that are followed by the axis counted from 1."""
+_MOST_JOINTS = 64
+"""Longest list that becomes columns."""
 
 
 def read_table(path: Path, broken_share: float = 0.0, words: Collection[str] = ()) -> Table:
@@ -110,8 +112,9 @@ def _read_parquet(path: Path, words: Collection[str]) -> Table:
         raise InputError(path, f"is not a Parquet file ({str(error).splitlines()[0]})") from None
     if not len(table) or not table.num_columns:
         raise InputError(path, NO_ROWS)
+    table = _without_lists(table)
     names: list[str] = table.schema.names
-    columns = [_numbers(path, name, column) for name, column in zip(names, table.columns, strict=True)]
+    columns = [_numbers(column) for column in table.columns]
     texts = {
         k: from_cells(table.column(k).to_pylist())
         for k, name in enumerate(names)
@@ -120,8 +123,34 @@ def _read_parquet(path: Path, words: Collection[str]) -> Table:
     return Table(names, np.column_stack(columns), np.arange(1, len(table) + 1), words=texts)
 
 
-def _numbers(path: Path, name: str, column: Any) -> Floats:
-    """[rows] of a column of Parquet; NaN where a cell is no number. Raises InputError for a list of angles."""
+def _without_lists(table: Any) -> Any:
+    """The table with a column for each place of lists: q1 .. q6 of a column q, and NAME_0 .. NAME_5 of another NAME.
+
+    Lists of several lengths, and long ones (images), stay: they hold no joints.
+    """
+    import pyarrow
+    from pyarrow import types
+
+    columns: list[tuple[str, Any]] = []
+    for name, column in zip(table.schema.names, table.columns, strict=True):
+        kind = column.type
+        if not (types.is_list(kind) or types.is_large_list(kind) or types.is_fixed_size_list(kind)):
+            columns.append((name, column))
+            continue
+        lists = column.combine_chunks()
+        lengths = lists.value_lengths().unique().to_pylist()
+        if len(lengths) != 1 or not lengths[0] or lengths[0] > _MOST_JOINTS:
+            columns.append((name, column))
+            continue
+        numbers = lists.flatten()
+        for place in range(lengths[0]):
+            of_joint = numbers.take(pyarrow.array(range(place, len(numbers), lengths[0]), pyarrow.int64()))
+            columns.append((f"{name}{place + 1}" if name in _GENERIC else f"{name}_{place}", of_joint))
+    return pyarrow.table([column for _, column in columns], names=[name for name, _ in columns])
+
+
+def _numbers(column: Any) -> Floats:
+    """[rows] of a column of Parquet; NaN where a cell is no number."""
     import pyarrow
     from pyarrow import types
 
@@ -138,9 +167,5 @@ def _numbers(path: Path, name: str, column: Any) -> Floats:
     if types.is_string(kind) or types.is_large_string(kind):
         return np.array([np.nan if cell is None else number_in(cell.strip()) for cell in column.to_pylist()])
     if types.is_dictionary(kind):
-        return _numbers(path, name, column.cast(kind.value_type))
-    if types.is_nested(kind) and name in _POSES:
-        raise InputError(
-            path, f"column {name} holds lists; expected one number in each cell: write a column for each joint"
-        )
+        return _numbers(column.cast(kind.value_type))
     return np.full(len(column), np.nan)

@@ -36,8 +36,10 @@ _INVISIBLE = dict.fromkeys(map(ord, "\u200b\u2060\ufeff"))
 _OTHER_SIGNS = re.compile(r"[+\-\u2212]?[\d.]+(?:[eEdD][+\-\u2212]?\d+)?")
 _PLAIN_SIGNS = {ord("\u2212"): "-", ord("D"): "E", ord("d"): "e"}
 """The minus of typography, and Fortran's exponents of double precision."""
-_LIST = re.compile(r"(?<!\w)(?:array|tensor)?[\[(]\s*[-+.\d]")
-"""The beginning of a list of numbers in a cell."""
+_LIST = re.compile(r"(?<!\w)(?:array|tensor)?[\[(]\s*(?!\d{4}-\d\d)[-+.\d]")
+"""The beginning of a list of numbers in a cell, which a date in brackets is not."""
+_SWITCHED = {"true": 1.0, "false": 0.0, "on": 1.0, "off": 0.0, "yes": 1.0, "no": 0.0}
+"""Words for 1 and 0."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -222,9 +224,14 @@ class _Layout:
         broken = {}
         for number, cells in enumerate(rows):
             if len(cells) == self.width + 1 and not cells[-1]:  # a separator at the end of each row
-                rows[number] = cells = cells[:-1]
+                rows[number] = cells[:-1]
+        widths, counts = np.unique([len(cells) for cells in rows], return_counts=True)
+        usual = int(widths[counts.argmax()]) if counts.max() > len(rows) / 2 else self.width
+        for number, cells in enumerate(rows):
             if len(cells) != self.width:
-                broken[number] = f"has {len(cells)} columns, the first line {self.width}; {self._why_width(len(cells))}"
+                broken[number] = (
+                    f"has {len(cells)} columns, the first line {self.width}; {self._why_width(len(cells), usual)}"
+                )
                 rows[number] = ["nan"] * self.width
         if self.separator != "," and any("," in cell for row in rows for cell in row):
             rows = [[self._cell(cell) for cell in row] for row in rows]
@@ -233,9 +240,14 @@ class _Layout:
     def _cell(self, cell: str) -> str:
         return cell if self.separator == "," else _with_point(cell)
 
-    def _why_width(self, count: int) -> str:
+    def _why_width(self, count: int, usual: int) -> str:
+        """What may be wrong with a row of `count` cells, where most rows have `usual`."""
         if self.separator == "," and count in (2 * self.width, 2 * self.width - 1):
             return "are commas decimal marks and separators at once? Separate columns by ; or write decimal points"
+        if usual == self.width + 1 and self.header is not None:
+            return "is a column without a name, as R's row names? Name it in the first line"
+        if usual != self.width:
+            return f"most rows {usual}: expected a line with the names of {usual} columns before the rows"
         return "is it cut off?"
 
 
@@ -258,11 +270,13 @@ def _is_number(cell: str, separator: str | None) -> bool:
 
 
 def number_in(cell: str) -> float:
-    """The number in a cell, Unix seconds of a date with a time (UTC where it names no zone), or NaN."""
+    """The number in a cell, 1 or 0 for a word, Unix seconds of a date with a time (UTC without a zone), or NaN."""
     try:
         return float(cell)
     except ValueError:
         pass
+    if cell.lower() in _SWITCHED:
+        return _SWITCHED[cell.lower()]
     if not _DATE.match(cell):
         plain = cell.translate(_PLAIN_SIGNS)
         return number_in(plain) if plain != cell and _OTHER_SIGNS.fullmatch(cell) else float("nan")

@@ -29,6 +29,8 @@ _IMPATIENT = {
     **{"keepalives": 1, "keepalives_idle": 10, "keepalives_interval": 5, "keepalives_count": 3},
     "tcp_user_timeout": 30_000,
 }
+_FORMS = "SET LOCAL DateStyle = 'ISO, MDY'; SET LOCAL extra_float_digits = 1"
+"""The driver reads no other times, and numbers keep their digits, whatever role and database are set to."""
 _LIMITS = "; ".join(
     f"SET LOCAL {name} = '{seconds:.0f}s'"
     for name, seconds in (
@@ -37,7 +39,7 @@ _LIMITS = "; ".join(
         ("idle_in_transaction_session_timeout", _STATEMENT_S),
     )
 )
-"""Said in each transaction: a pooler takes no options, and lends a connection for a transaction only."""
+"""As `_FORMS`, said in each transaction: a pooler takes no options, and lends a connection for a transaction only."""
 _ON_DISK = "SELECT set_config('synchronous_commit', 'on', true) WHERE current_setting('synchronous_commit') = 'off'"
 """A receipt follows a commit, whatever role and database are set to; the other values are as strict or stricter."""
 _OTHER_TABLES = ("no such table", "no such column")
@@ -212,9 +214,8 @@ def engine_for(url: str, *, impatient: bool = False, viewing: bool = False, hold
         # A statement that was prepared on one connection of a pooler is unknown on the next one.
         arguments = {"connect_timeout": 5, "prepare_threshold": None, **(_IMPATIENT if impatient else {})}
         engine = sa.create_engine(parsed, pool_pre_ping=True, connect_args=arguments)
-        if impatient:
-            settings = f"{_LIMITS}; {'SET TRANSACTION READ ONLY' if viewing else _ON_DISK}"
-            sa.event.listen(engine, "begin", lambda connection: connection.exec_driver_sql(settings))
+        limits = f"; {_LIMITS}; {'SET TRANSACTION READ ONLY' if viewing else _ON_DISK}" if impatient else ""
+        sa.event.listen(engine, "begin", lambda connection: connection.exec_driver_sql(f"{_FORMS}{limits}"))
         return engine
     except ModuleNotFoundError as error:
         raise UserError(

@@ -69,8 +69,9 @@ class Guard:
         self._check_file()
         with transaction(self._engine) as connection:
             self._check_connection(connection)
-            number = self._check_state(connection) + 1
-            self._check_run(connection, number - 1)
+            known = self._read(connection)
+            number = self._check_state(connection, known) + 1
+            self._check_run(connection, number - 1, known.get(self._run_key, ""))
             state.write_mark(connection, self._key, self._witness.mark(number))
             if self._unwritten:
                 state.write(connection, self._recalled_key, self.recalled)
@@ -129,11 +130,10 @@ class Guard:
         self.recalled, self._unwritten, self._known = uuid.uuid4().hex, True, self._number
         self.recall += 1
 
-    def _check_state(self, connection: sa.Connection) -> int:
-        """Number of the last commit of this sink in the database."""
+    def _read(self, connection: sa.Connection) -> dict[str, str]:
+        """What the database says of itself and of this sink."""
         try:
-            identity = state.read(connection, state.IDENTITY)
-            mark = state.read_mark(connection, self._key)
+            return state.read_some(connection, state.IDENTITY, self._key, self._run_key)
         except (sa.exc.OperationalError, sa.exc.ProgrammingError) as error:
             if "no such table" not in str(error.orig) and getattr(error.orig, "sqlstate", "") != "42P01":
                 raise
@@ -141,6 +141,10 @@ class Guard:
                 "its tables are gone: empty, another one, or a schema that the role may not use; restart the sink to "
                 "have them made"
             ) from None
+
+    def _check_state(self, connection: sa.Connection, known: dict[str, str]) -> int:
+        """Number of the last commit of this sink in the database."""
+        identity, mark = known.get(state.IDENTITY), state.mark_of(known.get(self._key))
         if self._identity is None:
             self._identity = identity
             self._number = max(mark.number if mark is not None else 0, self._memory.number(str(identity)))
@@ -162,12 +166,11 @@ class Guard:
             self._number = number
         return number
 
-    def _check_run(self, connection: sa.Connection, number: int) -> None:
-        """Where the last commit is not of this run (a start, a copy of the database), receipts say which it was.
+    def _check_run(self, connection: sa.Connection, number: int, last: str) -> None:
+        """Where `last`, the run of the last commit, is another one (a start, a copy of the database), receipts name it.
 
         What the sink has found itself, daemons hear by its name: receipts go on from the commit that was known.
         """
-        last = state.read(connection, self._run_key) or ""
         if self._unwritten:
             last, number = "", self._known
         elif self._run and last == self._run:

@@ -30,6 +30,9 @@ class Retention:
     power_days: float = 30.0
     rollup_1min_days: float = 365.0
     quarantine_days: float = 30.0
+    fits_disk: bool = False
+    """`power_days` are the most; fewer where the disk of an SQLite database has no room for them (acqd.storage.room).
+    """
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,6 +25,10 @@ def _write_in(insert: postgresql.Insert | sqlite.Insert) -> sa.Insert:
 
 # Made once: they stand in every transaction of a sink.
 _READ = sa.select(database_state.c.value).where(database_state.c.key == sa.bindparam("key"))
+_AT_ONCE = ("one", "two", "three")
+_READ_SOME = sa.select(database_state.c.key, database_state.c.value).where(
+    sa.or_(*(database_state.c.key == sa.bindparam(name) for name in _AT_ONCE))
+)
 _WRITE = {
     "postgresql": _write_in(postgresql.insert(database_state)),
     "sqlite": _write_in(sqlite.insert(database_state)),
@@ -71,6 +75,12 @@ def read(connection: sa.Connection, key: str) -> str | None:
     return None if value is None else str(value)
 
 
+def read_some(connection: sa.Connection, *keys: str) -> dict[str, str]:
+    """The values of three keys as far as they are there, by one question. Raises as `read`."""
+    found = connection.execute(_READ_SOME, dict(zip(_AT_ONCE, keys, strict=True)))
+    return {str(key): str(value) for key, value in found}
+
+
 def write(connection: sa.Connection, key: str, value: str) -> None:
     """Set a value. Raises DatabaseAwayError where the database drops it without an error."""
     if not connection.execute(_WRITE[connection.dialect.name], {"key": key, "value": value}).rowcount:
@@ -79,7 +89,11 @@ def write(connection: sa.Connection, key: str, value: str) -> None:
 
 def read_mark(connection: sa.Connection, key: str) -> Mark | None:
     """A mark; None where there is none, or none that can be understood."""
-    text = read(connection, key)
+    return mark_of(read(connection, key))
+
+
+def mark_of(text: str | None) -> Mark | None:
+    """The mark in a value, as `read_mark`."""
     try:
         number, wall_ns, start, ns = orjson.loads(text or "null")
         mark = Mark(int(number), int(wall_ns), Moment(bytes.fromhex(start), int(ns)))

@@ -20,6 +20,7 @@ from acqd.storage.maintain import Retention, maintain
 from acqd.storage.quarantined import Restored, Which, restore
 from acqd.storage.refusals import REFUSED, Refusals
 from acqd.storage.retention_doubt import doubt, last_run, note_run, rows_past
+from acqd.storage.room import fitted
 from acqd.uptime import moment
 
 _log = logging.getLogger(__name__)
@@ -148,18 +149,19 @@ class Upkeep:
         if last is not None and min(last.moment.age_s(moment()), abs(wall - last.wall_ns / 1e9)) < _OVERDUE_S:
             self._say("maintenance", "")
             return False
-        why = doubt(self._engine, self._retention, wall)
-        if not why and last is None and (old := rows_past(self._engine, self._retention, wall)):
-            why = f"no maintenance has run yet, and {old} rows are older than {self._retention.power_days:g} days"
+        retention = fitted(self._engine, self._retention)
+        why = doubt(self._engine, retention, wall)
+        if not why and last is None and (old := rows_past(self._engine, retention, wall)):
+            why = f"no maintenance has run yet, and {old} rows are older than {retention.power_days:g} days"
         if why:
             maintain(self._engine, Retention(0, 0, 0), wall)
             self._say("maintenance", f"{why}; nothing was deleted: `acqd sink maintain --yes` if the clock is right")
             return False
-        done = maintain(self._engine, self._retention, wall)
+        done = maintain(self._engine, retention, wall)
         note_run(self._engine, wall)
         _log.info(
             "maintenance: %d roll-ups made, %d rows deleted as older than %g days",
-            done.rollup_1min + done.rollup_15min, done.power_deleted, self._retention.power_days,
+            done.rollup_1min + done.rollup_15min, done.power_deleted, retention.power_days,
         )  # fmt: skip
         self._say("maintenance", "")
         return True

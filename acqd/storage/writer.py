@@ -9,7 +9,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, cast
+from typing import Any, TypeAlias, cast
 
 import sqlalchemy as sa
 
@@ -32,6 +32,8 @@ from acqd.telemetry.row import PowerRow
 from acqd.telemetry.spool import Stream
 
 _log = logging.getLogger(__name__)
+_Span: TypeAlias = tuple[int, int]
+"""`filetime` of the oldest and the newest row."""
 CONFLICT = "another row with this key is stored"
 
 
@@ -92,10 +94,14 @@ class Writer:
         stored = self._store_events(occurred)
         unusable = [*found.refused, *unusable, *stored.unusable]
         refused = [one for one in unusable if not one[1].startswith(IMPOSSIBLE)]
-        good, origins, impossible = self._judged(found)
+        spans = _spans(found.streams)
+        good, origins, impossible = self._judged(found, spans)
         impossible += [one for one in unusable if one[1].startswith(IMPOSSIBLE)]
-        streams = by_stream(good)
-        self._flag_boots(streams)
+        streams = found.streams
+        if len(good) < len(found.rows):
+            streams = by_stream(good)
+            spans = _spans(streams)
+        self._flag_boots(streams, spans)
         kept = refused[: self._allowance.fitting([_size(message) for message, _ in refused])]
         batch = self._store(good, origins, [*kept, *impossible], stored.waiting)
         sifted, poison = batch.sifted, batch.poison
@@ -120,11 +126,14 @@ class Writer:
                     written.answers[question] = last_rows.last_rows(connection, question)
         return written
 
-    def _judged(self, found: Sorted) -> tuple[list[Row], list[Message], list[Refused]]:
+    def _judged(self, found: Sorted, spans: Mapping[Stream, _Span]) -> tuple[list[Row], list[Message], list[Refused]]:
         """Rows whose time may be true, flagged where that is in doubt, their messages; and those that cannot be."""
-        for device, ticks in {row.device: row.filetime for row in found.rows}.items():
-            self.witness.hear(device, ticks)
-        if self.witness.all_plausible([row.filetime for row in found.rows]):
+        latest: dict[str, int] = {}
+        for stream, (_, newest) in spans.items():
+            latest[stream.device] = max(newest, latest.get(stream.device, newest))
+        for device, newest in latest.items():
+            self.witness.hear(device, newest)
+        if self.witness.all_plausible([ticks for span in spans.values() for ticks in span]):
             return found.rows, found.origins, []
         good: list[Row] = []
         origins: list[Message] = []
@@ -141,20 +150,16 @@ class Writer:
             origins.append(message)
         return good, origins, impossible
 
-    def _flag_boots(self, streams: Mapping[Stream, Sequence[Row]]) -> None:
-        power = [
-            (stream.device, stream.boot, cast(Sequence[PowerRow], of))
-            for stream, of in streams.items()
-            if isinstance(of[0], PowerRow)
-        ]
-        spans: dict[tuple[str, str], tuple[int, int]] = {}
-        for device, boot, of in power:
-            ticks = [row.filetime for row in of]
-            first, newest = spans.get((device, boot), (ticks[0], ticks[0]))
-            spans[device, boot] = min(first, min(ticks)), max(newest, max(ticks))
-        mixed = {name for name, span in spans.items() if self.boots.hear(*name, *span)}
-        for device, boot, of in power:
-            for row in of if (device, boot) in mixed else ():
+    def _flag_boots(self, streams: Mapping[Stream, Sequence[Row]], spans: Mapping[Stream, _Span]) -> None:
+        power = {stream: cast(Sequence[PowerRow], of) for stream, of in streams.items() if isinstance(of[0], PowerRow)}
+        boots: dict[tuple[str, str], _Span] = {}
+        for stream in power:
+            first, newest = spans[stream]
+            known = boots.get((stream.device, stream.boot), (first, newest))
+            boots[stream.device, stream.boot] = min(first, known[0]), max(newest, known[1])
+        mixed = {name for name, span in boots.items() if self.boots.hear(*name, *span)}
+        for stream, of in power.items():
+            for row in of if (stream.device, stream.boot) in mixed else ():
                 row.flags = sorted({*row.flags, boot_watch.FLAG})
 
     def _spend(self, kept: list[Refused], refused: int) -> None:
@@ -250,6 +255,11 @@ class _Batch:
         if sifted.unfinished:
             return [*sifted.refused, *sifted.differing]
         return [k for k, why in sifted.refused.items() if why.of != "any table"]
+
+
+def _spans(streams: Mapping[Stream, Sequence[Row]]) -> dict[Stream, _Span]:
+    times = {stream: [row.filetime for row in of] for stream, of in streams.items()}
+    return {stream: (min(ticks), max(ticks)) for stream, ticks in times.items()}
 
 
 def _waiting(sifted: Sifted, good: Sequence[Row], origins: Sequence[Message]) -> list[Waiting]:

@@ -102,7 +102,9 @@ def test_replay_publishes_every_row_to_the_sink(tmp_path, mosquitto, waveforms):
     wait_for(lambda: stored() == 475, "475 rows in SQL")
     sink.terminate()
     assert sink.wait(LIMIT_S) == 0, log.read_text()
-    assert re.search(r"disk: .* GB free at .*: rows of 1 device for [0-9.]+ days; keep_days = 30", log.read_text())
+    assert re.search(
+        r"disk: .* GB free at .*: rows of 1 device for [0-9.]+ days; they stay for 30 days", log.read_text()
+    )
 
 
 def test_broken_input_leaves_no_output_behind(tmp_path):

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import os
+import signal
 import socket
+import subprocess
+import sys
 
 import pytest
 
@@ -33,5 +36,20 @@ def test_it_is_another_process_and_comes_back_when_it_is_killed():
         await broker.stop()
         await asyncio.sleep(0)
         assert not answers(port)
+
+    finish(scenario())
+
+
+def test_it_ends_with_a_daemon_that_is_killed():
+    port = free_port()
+    code = (
+        "import asyncio, os, signal\nfrom acqd.daemon.broker_process import BrokerProcess\n"
+        f"async def daemon():\n    await BrokerProcess('127.0.0.1', {port}).start()\n"
+        "    os.kill(os.getpid(), signal.SIGKILL)\nasyncio.run(daemon())"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == -signal.SIGKILL
+
+    async def scenario():
+        await until(lambda: not answers(port), "the broker is gone")
 
     finish(scenario())

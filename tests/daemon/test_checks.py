@@ -16,7 +16,14 @@ from acqd.daemon.disk_check import disk_check
 
 @pytest.mark.parametrize(
     ("free_gb", "keep_days", "state", "days"),
-    [(3.0, 30.0, "warn", "3.5"), (7.0, 5.0, "ok", "8.1"), (7.0, 30.0, "warn", "8.1"), (30.0, 30.0, "ok", "34.7")],
+    [
+        (3.0, 30.0, "warn", "3.5"),
+        (7.0, 5.0, "ok", "8.1"),
+        (7.0, 30.0, "warn", "8.1"),
+        (30.0, 30.0, "ok", "34.7"),
+        (3.0, None, "warn", "3.5"),
+        (7.0, None, "ok", "8.1"),
+    ],
 )
 def test_a_week_of_four_channels_needs_six_gigabytes_and_the_days_that_are_kept_must_fit(
     tmp_path, monkeypatch, free_gb, keep_days, state, days

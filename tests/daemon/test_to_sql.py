@@ -410,9 +410,9 @@ def test_rows_under_the_name_before_a_change_of_device_are_counted_by_the_daemon
 
 def test_rows_that_the_broker_refuses_and_acknowledges_wait_and_are_named(mosquitto, tmp_path, monkeypatch):
     """An access rule, MQTT 3.1.1, nobody who sends receipts."""
-    monkeypatch.setattr("acqd.daemon.uplink._RIGHTS_S", 0.02)
-    monkeypatch.setattr("acqd.daemon.uplink._REFUSED_S", 0.1)
-    monkeypatch.setattr("acqd.daemon.uplink._AGAIN_S", 0.1)
+    monkeypatch.setattr("acqd.daemon.rights_watch._LOOK_S", 0.02)
+    monkeypatch.setattr("acqd.daemon.rights_watch._REFUSED_S", 0.1)
+    monkeypatch.setattr("acqd.daemon.rights_watch._AGAIN_S", 0.1)
     rules = mosquitto.folder / "acl"
     rules.write_text("topic readwrite acqd/+/status\n")
     mosquitto.stop()
@@ -424,20 +424,22 @@ def test_rows_that_the_broker_refuses_and_acknowledges_wait_and_are_named(mosqui
         daemon = Daemon(tmp_path, mosquitto.port, until="acknowledged")
         tasks = daemon.uplink.tasks()
         await daemon.make(5)
-        await until(lambda: daemon.uplink.rights_trouble, "a refusal")
+        await until(lambda: daemon.uplink.counters().rights_trouble, "a refusal")
         assert "acqd/cell1/L1/power" in daemon.uplink.counters().rights_trouble
         await until(lambda: daemon.uplink.counters().delivered >= 10, "acknowledgements")
         assert daemon.uplink.counters().waiting == 10
         with sink(mosquitto, engine):
             rules.write_text("topic readwrite #\n")
             mosquitto.process.send_signal(signal.SIGHUP)
-            await until(lambda: not daemon.uplink.rights_trouble, "the broker takes rows again")
+            await until(lambda: not daemon.uplink.counters().rights_trouble, "the broker takes rows again")
             await until(lambda: stored(engine) == taped(daemon), "every row is stored")
             await until(lambda: daemon.uplink.counters().waiting == 0, "every row is delivered")
             rules.write_text("topic readwrite acqd/+/status\n")
             mosquitto.process.send_signal(signal.SIGHUP)
             await daemon.make(20)
-            await until(lambda: daemon.uplink.rights_trouble, "a refusal by rules that changed during the connection")
+            await until(
+                lambda: daemon.uplink.counters().rights_trouble, "a refusal by rules that changed during the connection"
+            )
             rules.write_text("topic readwrite #\n")
             mosquitto.process.send_signal(signal.SIGHUP)
             await until(lambda: stored(engine) == taped(daemon), "rows that the broker acknowledged and refused")

@@ -1,11 +1,12 @@
-"""Which recordings a model was fitted on: by content, and by name in bundles of before."""
+"""Which recordings a model was fitted on, by content, or by name in bundles of before; which are held out."""
 
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
-from acqd.discrepancy.recordings import _unmoved_joints, is_training_dataset, trained_recordings
+from acqd.discrepancy.recordings import _hold_out, _unmoved_joints, is_training_dataset, trained_recordings
 from acqd.models.segments import Dataset, Segment
 
 
@@ -49,3 +50,18 @@ def test_an_angle_that_never_changes_is_doubted_where_the_reference_has_it():
     for side in (reference, []):
         assert _unmoved_joints(replace(DATA, segments=[replace(DATA.segments[0], q=moving)]), side) == []
     assert _unmoved_joints(replace(DATA, segments=[replace(DATA.segments[0], q=stuck)]), []) == []
+
+
+@pytest.mark.parametrize("lengths", [(4, 1), (5, 1), (3, 1), (1, 7), (4, 1, 1), (5, 2, 4)])
+def test_no_session_is_held_out_as_a_whole(lengths):
+    sessions = [f"session {k}" for k, length in enumerate(lengths) for _ in range(length)]
+    unseen = [replace(recording(f"r{k:02}", str(k)), start_s=float(k), session=own) for k, own in enumerate(sessions)]
+    fit, held_out = _hold_out(unseen, unseen, same=False)
+    assert {segment.session for segment in fit} == set(sessions)
+    assert held_out and sorted(s.recording for s in [*fit, *held_out]) == [s.recording for s in unseen]
+
+
+def test_sessions_of_one_recording_each_are_held_out_in_turn():
+    unseen = [replace(recording(f"r{k:02}", str(k)), start_s=float(k), session=f"session {k}") for k in range(6)]
+    fit, held_out = _hold_out(unseen, unseen, same=False)
+    assert [segment.recording for segment in held_out] == ["r02"] and len(fit) == 5

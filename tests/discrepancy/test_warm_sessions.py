@@ -61,11 +61,16 @@ def test_a_report_finds_what_was_closed_from_another_folder(tmp_path, monkeypatc
     assert config.dataset.samefile("ds") and config.bundle == Path("nowhere/model")
 
 
-@pytest.mark.parametrize(("worked_s", "shared"), [(0.0, True), (3600.0, False)])
-def test_gears_that_were_warm_in_the_reference_are_no_lack_that_both_sides_share(model, robot, worked_s, shared):
-    """Free on both sides, cold friction of new recordings would take up any friction that has changed since."""
+@pytest.mark.parametrize(("worked_s", "warm", "shared"), [(0.0, 0, True), (3600.0, 0, False), (3600.0, 12, False)])
+def test_gears_that_were_warm_in_the_reference_are_no_lack_that_both_sides_share(model, robot, worked_s, warm, shared):
+    """Free on both sides, cold friction of new recordings would take up any friction that has changed since.
+
+    A second session, which begins warm, changes nothing of that.
+    """
     before = [replace(recording(model, k, rows=400, seed=1), worked_s=worked_s) for k in range(4)]
     now = [recording(model, k, rows=400, seed=2, start_s=1e9 + 5000) for k in range(4)]
+    later = [recording(model, 4 + k, rows=100, seed=3, start_s=1e9 + 9000) for k in range(warm)]
+    now += [replace(each, session="session 1", worked_s=7200.0) for each in later]
     setup = set_up(Comparison(model, robot, now, before, frozenset({"thermal_friction"}), frozenset()), lambda _: None)
     thermal = {index for each in setup.design.columns.candidates if each.id for index in each.indices.tolist()}
     assert bool(thermal & {column.index for column in setup.regression.columns}) == shared

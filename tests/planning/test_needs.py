@@ -119,5 +119,6 @@ def test_every_line_says_its_assumption_and_every_figure_its_command():
 
 def test_defaults_are_those_of_the_configuration():
     config = Config()
-    assert (config.sink.keep_days, config.sink.keep_1min_days) == (KEEP_DAYS, KEEP_ROLLUPS_DAYS)
+    kept = config.sink.retention()
+    assert (kept.power_days, kept.rollup_1min_days) == (KEEP_DAYS, KEEP_ROLLUPS_DAYS)
     assert config.spool.max_mb == 1_000 * SPOOL_GB

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import json
 import os
 import signal
+import subprocess
 import time
+from dataclasses import asdict
 
 import numpy as np
 import pytest
 
 from acqd.metering import Meter
 from acqd.plc.executive import Executive
+from acqd.plc.fast_process import interpreter
 from acqd.plc.realtime import RealtimeSettings
 from acqd.sources import SimulationSettings
 from acqd.sources.spec import simulated_spec
@@ -22,10 +26,10 @@ from tests.waiting import LIMIT_S, finish, until
 class Run:
     """An executive whose rows are counted."""
 
-    def __init__(self) -> None:
+    def __init__(self, before_meter=None) -> None:
         self.batches = []
-        spec = simulated_spec(SimulationSettings(phases=1))
-        self.executive = Executive(spec, Meter, self.batches.append, realtime=RealtimeSettings(priority=0))
+        spec, realtime = simulated_spec(SimulationSettings(phases=1)), RealtimeSettings(priority=0)
+        self.executive = Executive(spec, Meter, self.batches.append, realtime=realtime, before_meter=before_meter)
 
     @property
     def rows(self) -> int:
@@ -97,6 +101,56 @@ def test_killed_again_while_it_starts_main_fast_is_relaunched_and_the_metering_g
 
     finish(scenario())
     run.check_rows()
+
+
+def test_samples_wait_in_the_ring_until_the_meter_is_made():
+    ended = []
+
+    async def asked():
+        await asyncio.sleep(0.3)
+        ended.append(time.time_ns())
+
+    run = Run(asked)
+
+    async def scenario() -> None:
+        async with run:
+            pass
+
+    finish(scenario())
+    assert run.batches[0].utc_ns[0] < ended[0] - 0.1e9 and run.batches[0].seq[0] == 0
+
+
+def test_a_failure_before_the_meter_is_made_leaves_no_process():
+    async def asked():
+        raise KeyError("x")
+
+    async def scenario() -> None:
+        with pytest.raises(KeyError):
+            await Run(asked).executive.start()
+        await until(lambda: not child_of_this_process(), "the end of MAIN_FAST")
+
+    finish(scenario())
+
+
+def test_it_ends_where_its_daemon_was_killed_before_it_could_ask_to_end_with_it():
+    """Nobody else would end it, and the next start would find the device taken."""
+    spec = simulated_spec(SimulationSettings(phases=1))
+    realtime = asdict(RealtimeSettings(priority=0, lock_memory=False))
+    wake = os.eventfd(0)
+    orders = {"source": spec, "window": 0.04, "realtime": realtime, "resume": None, "wake_fd": wake}
+    ring = os.memfd_create("ring")
+    process = subprocess.Popen(
+        interpreter("acqd.plc.process", json.dumps(orders | {"ring_fd": ring})),
+        stdout=subprocess.PIPE,
+        pass_fds=(ring, wake),
+    )
+    process.stdout.close()
+    try:
+        assert process.wait(LIMIT_S) == 1
+    finally:
+        process.kill()
+        os.close(ring)
+        os.close(wake)
 
 
 def test_a_stopped_main_fast_is_killed_and_relaunched():

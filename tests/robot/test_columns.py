@@ -84,7 +84,7 @@ def test_temperatures_below_every_robots_are_left_out():
 @pytest.mark.parametrize(
     ("levels", "expected"),
     [([0, 1], [0, 1]), ([0, 255], [0, 1]), ([-1, 0], [1, 0]), ([-1, 1], [0, 1]), ([255, 255], [1, 1]),
-     ([0.2, 0.7], [0.2, 0.7]), ([-1, -1], None), ([2, 3], None)],
+     ([0.2, 0.7], [0.2, 0.7]), ([-1, -1], None), ([2, 3], None), ([np.nan], None)],
 )  # fmt: skip
 def test_a_signal_has_two_levels(levels, expected):
     found = on_off(np.array(levels, dtype=float))

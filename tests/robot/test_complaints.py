@@ -67,7 +67,7 @@ def test_a_refusal_names_the_remedy(name, remedy):
         read_log(COMPLAINTS / name, UR10E)
 
 
-def test_parquet_with_text_and_decimals_is_read_and_lists_are_named(tmp_path):
+def test_parquet_with_text_decimals_and_lists_is_read(tmp_path):
     t = np.arange(100) * 0.04
     columns = {"time": pa.array([f"{each:.2f}" for each in t])}
     columns |= {f"q{k + 1}": pa.array(np.sin(t).round(6)).cast(pa.decimal128(20, 6)) for k in range(6)}
@@ -75,7 +75,8 @@ def test_parquet_with_text_and_decimals_is_read_and_lists_are_named(tmp_path):
     log = read_log(tmp_path / "log.parquet", UR10E)
     np.testing.assert_allclose(log.q[:, 0], np.sin(t), atol=1e-6)
     np.testing.assert_allclose(log.time, t, atol=1e-9)
-    lists = {"time": pa.array(t), "actual_q": pa.array([[0.0] * 6] * 100)}
-    pyarrow.parquet.write_table(pa.table(lists), tmp_path / "lists.parquet")
-    with pytest.raises(InputError, match="column actual_q holds lists"):
-        read_log(tmp_path / "lists.parquet", UR10E)
+    angles = [[value, *range(5)] for value in np.sin(t).round(6).tolist()]
+    for name, time in (("actual_q", "timestamp"), ("q", "time")):
+        lists = {time: t, name: angles, "image": [[0.5] * 90] * 100, "boxes": [[1.0] * (k % 3) for k in range(100)]}
+        pyarrow.parquet.write_table(pa.table(lists), tmp_path / "lists.parquet")
+        np.testing.assert_array_equal(read_log(tmp_path / "lists.parquet", UR10E).q, angles)

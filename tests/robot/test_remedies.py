@@ -15,6 +15,7 @@ ROBOT = load_description("ur10e")
 T = np.arange(200) * 0.02
 HEADER = "time,q1,q2,q3,q4,q5,q6\n"
 ROWS = "".join(f"{t:.3f},{np.sin(t):.6f},0.1,0.2,0.3,0.4,0.5\n" for t in T)
+JOINTS = next(layout.joints for layout in ROBOT.log if layout.joints)
 
 
 @pytest.mark.parametrize(
@@ -54,6 +55,21 @@ def test_titles_separators_at_line_ends_and_utf_16_are_read(tmp_path, text):
             'look like degrees: write radians, or angles = "deg"',
         ),
         ((HEADER + "08:15:00.1,0,0,0,0,0,0\n" * 200).encode(), "its times are neither numbers nor dates"),
+        ((HEADER + "[2026-01-27 08:15:00.1],0,0,0,0,0,0\n" * 200).encode(), "its times are neither numbers nor dates"),
+        (b"time,name,value\n0,q1,0.1\n0,q2,0.2\n", "has one value in each row; .* pivot the table first"),
+        (
+            ("".join(f"1,{k},base,pan,elbow,0.1,0.2,0.3,0.4,0.5,0.6,0.7\n" for k in range(9))).encode(),
+            "expected a header",
+        ),
+        (
+            (HEADER + "".join(f"{k},{row}\n" for k, row in enumerate(ROWS.splitlines()))).encode(),
+            "row 2 has 8 columns, the first line 7; is a column without a name",
+        ),
+        (("Version\t2\nDate\ttoday\n***End***\n" + ROWS.replace(",", "\t")).encode(), "names of 7 columns before"),
+        (
+            ("__time," + ",".join(f"/js/{name}/position" for name in JOINTS) + "\n" + ROWS).encode(),
+            r'but with \{joint\} for the name of the joint and joints = \["shoulder_pan_joint"',
+        ),
         ((HEADER + "".join(f"{1769500000 + t:.3f}000,0,0,0,0,0,0\n".replace(".", "") for t in T)).encode(), "in us"),
     ],
 )
@@ -74,6 +90,35 @@ def test_a_layout_says_that_its_angles_are_degrees(tmp_path):
     log = read_log(path, ROBOT.model_copy(update={"log": [layout]}))
     np.testing.assert_allclose(log.q[:, 3], np.radians(60 * np.sin(T)), atol=1e-6)
     np.testing.assert_allclose(log.qd[:, 3], np.radians(60 * np.cos(T)), atol=1e-6)
+
+
+def test_a_layout_names_columns_by_the_joints_and_a_first_one_with_the_mark_of_a_comment(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("%time," + ",".join(f"/js/{name}/position" for name in reversed(JOINTS)) + "\n" + ROWS)
+    layout = LogColumns(format="csv", time="%time", q="/js/{joint}/position", joints=JOINTS)
+    log = read_log(path, ROBOT.model_copy(update={"log": [layout]}))
+    np.testing.assert_allclose(log.q[0], [0.5, 0.4, 0.3, 0.2, 0.1, 0.0])
+
+
+@pytest.mark.parametrize("pattern", ["q{2}", "{name}", "{", "{joint.x}"])
+def test_a_name_with_other_braces_is_refused(pattern):
+    with pytest.raises(ValueError, match=r"expected \{0\}, \{1\} or \{joint\}"):
+        LogColumns(format="csv", q=pattern)
+
+
+@pytest.mark.parametrize(("on", "off"), [("True", "False"), ("ON", "off"), ("yes", "no")])
+def test_a_signal_may_be_written_in_words(tmp_path, on, off):
+    path = tmp_path / "log.csv"
+    rows = (f"{row},{on if k % 90 < 45 else off}\n" for k, row in enumerate(ROWS.splitlines()))
+    path.write_text(HEADER.replace("\n", ",tool\n") + "".join(rows))
+    np.testing.assert_array_equal(read_log(path, ROBOT).signals["tool"], np.arange(len(T)) % 90 < 45)
+
+
+def test_other_words_of_a_signal_are_said(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text(HEADER.replace("\n", ",brake\n") + ROWS.replace("\n", ",released\n"))
+    log = read_log(path, ROBOT)
+    assert "brake" not in log.signals and "brake holds other cells than 0 and 1" in log.note
 
 
 def test_a_joint_with_limits_that_turns_on_needs_the_limits_of_none(tmp_path):

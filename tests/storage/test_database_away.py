@@ -6,19 +6,23 @@ import signal
 import sqlite3
 import subprocess
 from contextlib import contextmanager
+from datetime import datetime
 
 import pytest
 import sqlalchemy as sa
+from msgspec.structs import replace
 from sqlalchemy.engine import make_url
 
 from acqd.errors import UserError
 from acqd.storage.away import DatabaseAwayError
 from acqd.storage.database import engine_for, open_database, prepare, unanswered
+from acqd.storage.schema import power
+from acqd.storage.writer import Writer
 from acqd.telemetry.broker import free_port
 from tests.commands import ACQD, acqd_here
 from tests.forwarded import forwarded
 from tests.storage.postgres_double import refusing
-from tests.storage.rows import count, row
+from tests.storage.rows import count, message, row
 from tests.storage.test_sink import publish, publisher
 from tests.waiting import LIMIT_S, wait_for
 
@@ -145,6 +149,22 @@ def test_a_commit_is_on_the_disk_whatever_the_role_is_set_to(postgres, setting, 
     with engine.connect() as connection:
         assert connection.exec_driver_sql("SHOW synchronous_commit").scalar() == kept
     engine.dispose()
+
+
+@pytest.mark.parametrize("impatient", [False, True])
+def test_times_and_numbers_are_read_whatever_role_and_database_are_set_to(postgres, impatient):
+    engine = open_database(postgres)
+    rows = [row(k) for k in range(2)]
+    Writer(engine).write([message(one) for one in rows])
+    options = "-c datestyle=German -c extra_float_digits=-15 -c timezone=America/St_Johns"
+    asked = engine_for(make_url(postgres).set(query={"options": options}).render_as_string(), impatient=impatient)
+    with asked.connect() as connection:
+        found = connection.execute(sa.select(power.c.time, power.c.Vrms).order_by(power.c.seq)).all()
+    assert [tuple(one) for one in found] == [(datetime.fromisoformat(one.time), one.Vrms) for one in rows]
+    other = replace(rows[0], P=1.0)
+    assert Writer(asked).write([message(one) for one in (other, rows[1])]).conflicts == 1
+    for each in (engine, asked):
+        each.dispose()
 
 
 def test_a_role_without_rights_is_told_so(postgres):

@@ -117,7 +117,8 @@ RUNBOOK = (
     _entry(
         "filling",
         "`disk of the database full in ... days`",
-        "lower `keep_days` in `[sink]`, or a larger disk",
+        "lower `keep_days` in `[sink]`, or a larger disk; without `keep_days`, an SQLite database stops growing at "
+        "nine tenths of its disk",
         r"^disk of the database",
     ),
     _entry(

@@ -132,7 +132,8 @@ def _common(design: Design) -> list[int]:
     """Columns of structural effects: a model may lack them from the start, so that both sides are free to have them.
 
     A column that hardly acts in the reference (a tool that was not mounted, cold gears after an hour of work) remains a
-    question about the new recordings: free on both sides, it would take up what the reference cannot contradict.
+    question about the new recordings: free on both sides, it would take up what the reference cannot contradict. The
+    session in which a column acts most decides: a warm session beside a cold one leaves cold gears a question.
     """
     effects = library()
     structural: set[int] = set()
@@ -140,9 +141,13 @@ def _common(design: Design) -> list[int]:
         if candidate.id and effects[candidate.id].structural:
             structural |= set(candidate.indices.tolist())
     indices = np.array(sorted(structural), dtype=int)
-    sides = ([part for part in design.parts if part.in_question == side] for side in (True, False))
-    now, before = (_mean_squares(design, parts, indices) for parts in sides)
-    return list(indices[before > THRESHOLDS.common_share * now])
+    before = [part for part in design.parts if not part.in_question]
+    sessions: dict[str, list[Part]] = {}
+    for part in design.parts:
+        if part.in_question:
+            sessions.setdefault(design.columns.segments[part.segment].session, []).append(part)
+    now = np.max([_mean_squares(design, parts, indices) for parts in sessions.values()], axis=0)
+    return list(indices[_mean_squares(design, before, indices) > THRESHOLDS.common_share * now])
 
 
 def _mean_squares(design: Design, parts: list[Part], indices: Indices) -> Floats:

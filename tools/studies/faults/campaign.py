@@ -50,6 +50,8 @@ class Outcome:
     seconds: float = 0.0
     died: dict[str, int] = field(default_factory=dict)
     """Processes that ended by themselves; the database may, when its disk is full."""
+    kills: int = 0
+    """Of the daemon: by faults, and of one that did not stop in time."""
     rows: Reconciled | None = None
     logs: LogsDone | None = None
 
@@ -67,10 +69,10 @@ class Outcome:
         """The line of the table."""
         times, rows = self.recoveries, self.rows
         assert rows is not None
-        kills = sum(hit.fault in ("daemon killed", "all killed") for hit in self.hits)
         return {
             "bed": self.bed, "faults": len(self.hits), "seconds": round(self.seconds), "made": rows.made,
-            "stored": rows.stored, "lost": rows.lost, "waiting": rows.waiting, "daemon kills": kills,
+            "stored": rows.stored, "lost": rows.lost, "waiting": rows.waiting, "daemon kills": self.kills,
+            "cut short": rows.cut_short, "unspooled": rows.unspooled,
             "duplicated": rows.duplicated, "wrong": rows.wrong, "behind forged": rows.contested,
             "unflagged": rows.unflagged, "backwards": rows.backwards, "energy back": rows.energy_back,
             "not recovered": len(self.hits) - len(times),
@@ -113,6 +115,7 @@ def run(kind: Kind, folder: Path, plan: Plan, tick: Callable[[str], None]) -> Ou
             bed.revive()
             time.sleep(chance.uniform(0.3, 1.5))
         settle(bed)
+        outcome.kills = bed.daemon.kills
         outcome.died = {name: process.deaths for name, process in bed.services() if process.deaths}
         outcome.rows = reconcile(bed.tapes, bed.engine, bed.forged, LOG_DEVICE, bed.state_dir)
         outcome.logs = bed.logs.judge(bed.engine) if bed.logs is not None else None

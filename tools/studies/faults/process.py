@@ -30,6 +30,8 @@ class Process:
     running: subprocess.Popen[bytes] | None = None
     deaths: int = 0
     """Times the process ended without having been asked to."""
+    kills: int = 0
+    """Times the process was given no time to end."""
 
     def start(self) -> None:
         """Start, and wait until it is ready. Raises OperationError when it is not within 60 s."""
@@ -49,6 +51,8 @@ class Process:
 
     def kill(self) -> None:
         """SIGKILL, and wait for the end."""
+        if self.running is not None and self.running.poll() is None:
+            self.kills += 1
         self.send(signal.SIGKILL)
         if self.running is not None:
             self.running.wait()

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Set
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime
-from itertools import pairwise
+from itertools import pairwise, takewhile
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,8 @@ from acqd.telemetry.spool import Stream
 
 _FIELDS = ("filetime", "Vrms", "Irms", "P", "S", "PF", "f", "W", "schema")
 _Key = tuple[str, str, str, int]  # device, channel, boot, seq
+_SECOND = 10_000_000
+"""Of `filetime`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +33,7 @@ class Reconciled:
     made: int
     stored: int
     lost: int
-    """Taped, neither in the database nor in a spool."""
+    """Taped, neither in the database nor in a spool, and not `unspooled`."""
     duplicated: int
     """A moment of a channel that is stored more than once."""
     wrong: int
@@ -47,6 +49,11 @@ class Reconciled:
     """Taped, not in the database, and in the spool of the daemon: a slow computer has not delivered them yet."""
     contested: int = 0
     """Rows of the daemon that are in quarantine, because a forged row with their key was stored before."""
+    unspooled: int = 0
+    """The last rows of a start of the daemon, less than a second of them, that are on the tape alone: a kill between
+    the two writes. They were on no disk but the tape's, which no service has."""
+    cut_short: int = 0
+    """Starts of the daemon that ended so; each needs a kill."""
 
 
 def reconcile(
@@ -56,11 +63,12 @@ def reconcile(
     beside: str = "",
     state_dir: Path | None = None,
 ) -> Reconciled:
-    """Compare tapes with the tables `power` and `quarantine`.
+    """Compare tapes, the daemon's first, with the tables `power` and `quarantine`.
 
     `forged`: rows by others with keys of the daemon. Where one of these was stored first, the daemon's row has to be in
     quarantine. `beside`: a device that is not looked at. `state_dir`: of the daemon, which has ended.
     """
+    tapes = list(tapes)
     made = _taped(tapes)
     with engine.connect() as connection:
         query = sa.select(power).where(power.c.device != beside)
@@ -73,18 +81,37 @@ def reconcile(
     wrong = sum(key not in made or _differs(made[key], row) for key, row in stored.items() if key not in taken)
     spooled = rows_in_spools(state_dir) if state_dir is not None else {}
     missing_keys = made.keys() - stored.keys()
-    waiting = sum(seq in spooled.get(Stream(device, channel, boot), ()) for device, channel, boot, seq in missing_keys)
+    waiting = {key for key in missing_keys if key[3] in spooled.get(Stream(*key[:3]), ())}
+    nowhere = missing_keys - waiting
+    ends = list(_unspooled_ends(_taped(tapes[:1]), nowhere))
+    unspooled = sum(map(len, ends))
     return Reconciled(
         made=len(made),
         stored=len(stored),
-        lost=len(missing_keys) - waiting + len(behind - kept),
-        waiting=waiting,
+        lost=len(nowhere) - unspooled + len(behind - kept),
+        waiting=len(waiting),
         duplicated=sum(count - 1 for count in moments.values()),
         wrong=wrong,
         contested=len(kept),
+        unspooled=unspooled,
+        cut_short=len(ends),
         quarantined=len(refused),
         **_order(made, stored.keys()),
     )
+
+
+def _unspooled_ends(taped: dict[_Key, Any], nowhere: Set[_Key]) -> Iterator[list[_Key]]:
+    """For each start of the daemon, its last rows as far as they are nowhere; only where that is less than a second.
+
+    The daemon writes all rows that it has metered at a time to the tape, and then to the spool.
+    """
+    starts: dict[tuple[str, str], list[_Key]] = defaultdict(list)
+    for device, channel, boot, seq in taped:
+        starts[device, boot.partition(".")[0]].append((device, channel, boot, seq))
+    for rows in starts.values():
+        end = list(takewhile(nowhere.__contains__, reversed(rows)))
+        if end and taped[end[0]]["filetime"] - taped[end[-1]]["filetime"] < _SECOND:
+            yield end
 
 
 def missing(tapes: Iterable[Path], engine: sa.Engine) -> int:

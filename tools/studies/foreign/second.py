@@ -1,6 +1,7 @@
 """Judges `acqd next` on plants that it has never met: does the designed recording bring the right name?
 
-    python -m tools.studies.foreign.second OUT [--only '*-1'] [--cases 30] [--minutes 3] [--long 9] [--json]
+    python -m tools.studies.foreign.second OUT [--only '*-1'] [--cases 30] [--minutes 3] [--long 9]
+        [--arm designed --arm random] [--json]
 
 Takes the open cases that `tools.studies.foreign OUT` has judged: one effect of the library is hidden, and the loop
 named nothing, or something else, or a family. For each: the motion that `acqd next` designs, the pieces of its first
@@ -61,6 +62,7 @@ def options() -> argparse.Namespace:
     add("--cases", type=int, default=30, help="at most so many (default 30)")
     add("--minutes", type=float, default=3.0)
     add("--long", type=float, default=9.0, metavar="MINUTES", help="of random motion (default 9; 0: none)")
+    add("--arm", action="append", choices=ARMS, help="only these motions; may be repeated")
     add("--json", action="store_true")
     return parser.parse_args()
 
@@ -96,12 +98,12 @@ class Second:
         self.result = result
         self.folder = self.runner.work / "second" / self.case.name
 
-    def run(self, minutes: float, long_min: float) -> dict[str, Any] | None:
+    def run(self, minutes: float, long_min: float, arms: Sequence[str]) -> dict[str, Any] | None:
         """What the loop says with every second session; None where nothing is open.
 
         Raises StepError, UserError, OperationError.
         """
-        done = self.folder / f"answers-{minutes:g}-{long_min:g}.json"
+        done = self.folder / f"answers-{minutes:g}-{long_min:g}-{'-'.join(arms)}.json"
         if done.exists():
             return dict(json.loads(done.read_text()))
         truth = make_after(self.world, self.case, self.runner.data / self.case.name)
@@ -114,7 +116,8 @@ class Second:
         begun_s = os.times().user
         designed = next_motion(first / "loop", Asked(minutes, share_of_speed=1.0), lambda *_: None)
         design_s = os.times().user - begun_s
-        for name, motion in self._motions(designed, minutes, long_min).items():
+        motions = self._motions(designed, minutes, long_min)
+        for name, motion in ((name, motions[name]) for name in arms if name in motions):
             session = self.folder / name
             worked_min = 0.0 if isinstance(motion, foreign.Plan) else designed.worked_min
             files = make_second(self.world, self.case, session / "data", truth, name, motion, worked_min)
@@ -177,23 +180,23 @@ def main() -> None:
     found = open_cases(given.out, given.label, given.only or [], given.cases)
     if not found:
         sys.exit(f"{given.out}: no open cases of one effect under the label {given.label}")
-    console, rows = Console(stderr=True), []
+    console, rows, arms = Console(stderr=True), [], given.arm or ARMS
     for result in track(found, "open cases", console=console):
         try:
-            row = Second(given.out, given.label, result).run(given.minutes, given.long)
+            row = Second(given.out, given.label, result).run(given.minutes, given.long, arms)
             rows += [] if row is None else [row]
         except (StepError, UserError, OperationError) as error:
             console.print(f"{result['world']} {result['case']}: {error}", highlight=False)
     if given.json:
         print(json.dumps({"simulated": True, "cases": rows}))
         return
-    table = Table("case (simulated)", "compared", "now", *ARMS, "promised now / designed / D-optimal")
+    table = Table("case (simulated)", "compared", "now", *arms, "promised now / designed / D-optimal")
     for row in rows:
         promised = " / ".join(percent(value) for value in row["promised"].values())
-        said = [row["said"].get(name, "-") for name in ("now", *ARMS)]
+        said = [row["said"].get(name, "-") for name in ("now", *arms)]
         table.add_row(f"{row['world']} {row['case']}", ", ".join(row["compared"]), *said, promised)
     show(table, width=200)
-    for name in ("now", *ARMS):
+    for name in ("now", *arms):
         counts = Counter(row["said"][name] for row in rows if name in row["said"])
         print(f"{name}: {counts['right']} right, {counts['wrong']} wrong, {counts['open']} open of {counts.total()}")
 

@@ -38,7 +38,7 @@ from tools.studies.soak.usage import Sampler, folder_size
 
 _CUT_EVERY_S, _CUT_S = 300.0, 10.0
 _JUDGED = ("daemon", "sink", "sidecar", "broker")
-_NONE = ("lost", "duplicated", "wrong", "unflagged", "backwards", "energy_back")
+_NONE = ("lost", "unspooled", "duplicated", "wrong", "unflagged", "backwards", "energy_back")
 
 
 def soak(

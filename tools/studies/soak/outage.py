@@ -43,7 +43,17 @@ _WARM_S, _AFTER_S = 60.0, 15.0
 _DELIVERY_S = 1_800.0
 """Longest time to wait for the backlog."""
 _MB = 1e6
-_NONE = ("lost", "duplicated", "wrong", "unflagged", "backwards", "energy_back", "out_of_order", "daemon_died")
+_NONE = (
+    "lost",
+    "unspooled",
+    "duplicated",
+    "wrong",
+    "unflagged",
+    "backwards",
+    "energy_back",
+    "out_of_order",
+    "daemon_died",
+)
 
 
 def outage(
