@@ -87,7 +87,7 @@ def test_a_wrong_first_round_does_not_make_the_right_ones_wrong():
     assert judge.judge(without(good(), "S", "PF"), SECOND).values["L1.Vrms"] == 230.0
 
 
-@pytest.mark.parametrize("step_s", [1, 4])
+@pytest.mark.parametrize("step_s", [4])
 @pytest.mark.parametrize(("times", "wrong"), [(1.0, False), (30.0, False), (1000.0, True)])
 def test_an_energy_that_no_load_reaches_counts_in_another_unit(times, wrong, step_s):
     judge = RoundJudge(230.0)
