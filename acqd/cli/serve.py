@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import gc
 import sys
 from pathlib import Path
 from typing import Any
@@ -52,7 +53,9 @@ def serve(
             console.print(_line(summaries[-1]))
 
     async def run() -> None:
-        await Service(settings, show, Tape(tape) if tape else None, take_name=take_name).run(duration)
+        service = Service(settings, show, Tape(tape) if tape else None, take_name=take_name)
+        gc.freeze()  # what was imported stays: collections look through the objects of rows only
+        await service.run(duration)
 
     with live or contextlib.nullcontext():
         asyncio.run(run())

@@ -190,7 +190,7 @@ def maintain_command(
 
     settings = configured(config)
     engine, now = open_database(database or settings.sink.database, create=False), time.time()
-    retention = fitted(engine, settings.sink.retention())
+    retention = fitted(engine, settings.sink.retention(), now)
     if not yes and (why := doubt(engine, retention, now)):
         raise UserError(f"maintain: {why}; nothing was deleted: set the clock, or say --yes if it is right")
     done = maintain(engine, retention, now)

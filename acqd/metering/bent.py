@@ -12,8 +12,8 @@ from acqd.metering.packed import State
 _LEAST, _SWINGING = 0.007, 0.022
 """Hz of `Estimate.kink` that are doubted: of a step of f, which puts f off by 10 mHz where noise takes away 3; of a
 swing of f that puts f off by 9 mHz, where the phase is bent all the time."""
-_TIMES = 5.0
-"""Usual ones: 4 standard deviations of white noise."""
+_TIMES = 4.5
+"""Usual ones: 3.6 standard deviations of white noise."""
 _MOST = 0.05
 """Hz: more is no noise."""
 _FEW, _MANY = 2, 25

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +48,9 @@ class Looker:
         self._library = quality_library()
         self._out = np.empty((len(Look._fields), channels))
         self._out_at = self._out.ctypes.data
+        # arrays of the last `calm`, and their addresses: to ask for one takes a microsecond
+        self._kept: tuple[NDArray[Any], ...] = ()
+        self._kept_at: tuple[int, ...] = ()
 
     def at(self, codes: Codes) -> Look:
         """At samples [samples, channels], at least one. In C where there is a compiler."""
@@ -81,9 +84,13 @@ class Looker:
         bits = _BITS.get(codes.dtype)
         if self._library is None or bits is None or not codes.flags.c_contiguous or codes.shape[1] != self._channels:
             return 0
+        if not self._kept or edges is not self._kept[0] or usual is not self._kept[1] or most is not self._kept[2]:
+            self._kept = edges, usual, most
+            self._kept_at = tuple(array.ctypes.data for array in self._kept)
+        edges_at, usual_at, most_at = self._kept_at
         found: int = self._library.acqd_calm(
-            codes.ctypes.data, bits, self._channels, len(edges) - 1, edges.ctypes.data, self._cycle, due,
-            usual.ctypes.data, most.ctypes.data, self._out_at,
+            codes.ctypes.data, bits, self._channels, len(edges) - 1, edges_at, self._cycle, due,
+            usual_at, most_at, self._out_at,
         )  # fmt: skip
         return found
 

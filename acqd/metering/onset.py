@@ -24,13 +24,15 @@ _MARGIN = 4.0
 """Of the limit for how much f varies with the magnitude, which holds for pure lines."""
 _MOVED = 100.0
 """Hz per rad of `Cycles`: an interharmonic that begins moves f by so much at most."""
-_CALM = 0.0003
-"""Of `Cycles`: a step of f within the window bends the phase by more where it puts f off by 10 mHz."""
+_CALM = 0.0006
+"""rad, of bend of `Cycles`: a step of f within the window bends the phase by more where it puts f off by 10 mHz."""
 _BEATING = 0.0005
 """Of bend and swell of `Cycles`: an interharmonic far from f has both, a ramp or a swing of f and a step of the voltage
-only one."""
+only one. So much swell has one that begins, too, where it moves f by 10 mHz."""
 _WRONG = 0.010
 """Hz: an f that is off by less is right (IEC 61000-4-30 class A)."""
+_NEAR = 0.008
+"""Hz from the f before: 2 mHz less, since the true f may have changed by so much since."""
 _SWELLING = 0.002
 """Of swell: so much is an interharmonic's, whatever the bend; it beats slowly."""
 _ALIKE = 0.4
@@ -104,7 +106,8 @@ class Onset:
             few, edge = self._varied < self._windows, self._varied <= self._edge
             if edge:
                 swerve = max(cycles.bend, cycles.swell)
-                self.doubted = not (swerve < _CALM and spread_Hz > _MOVED * swerve)
+                calm = cycles.bend < _CALM and cycles.swell < _BEATING
+                self.doubted = not (calm and spread_Hz > _MOVED * swerve)
             else:
                 self.doubted = few and (cycles.beat or self._movable(f, magnitude))
             self.doubted = self.doubted and not self._right(list(f))
@@ -117,7 +120,7 @@ class Onset:
             return False
         last, before = f[-1], f[: len(f) - self._varied]
         among_all = max(max(f) - last, last - min(f)) < _WRONG
-        return among_all or (len(before) >= self._known and abs(last - statistics.median(before)) < _WRONG / 2)
+        return among_all or (len(before) >= self._known and abs(last - statistics.median(before)) < _NEAR)
 
     def _movable(self, f: Collection[float], magnitude: Collection[float]) -> bool:
         """Whether an interharmonic may be why these f [Hz] differ, by how much their magnitudes do, and when.

@@ -61,12 +61,11 @@ class Registers:
 
     def add(self, batch: WindowBatch) -> None:
         """Count windows."""
-        columns = zip(
-            batch.utc_ns.tolist(), batch.P.T.tolist(), batch.Q1.T.tolist(), batch.imported.T.tolist(), strict=True
-        )
-        for utc_ns, P, Q, imported in columns:
-            self._to_block(utc_ns // (BLOCK_S * 10**9))
-            self._count_reactive(P, Q)
+        for one in batch.windows():
+            count = len(one.readings) // 2
+            imported = one.readings[:count]
+            self._to_block(one.utc_ns // (BLOCK_S * 10**9))
+            self._count_reactive(one.quantities[2 * count : 3 * count], one.quantities[3 * count :])
             if self._before is not None:
                 self._covered_s += self._window_s
                 self._count_demand([now - before for now, before in zip(imported, self._before, strict=True)])

@@ -81,7 +81,8 @@ class SignalWatch:
         while len(found) < blocks:
             if not self._flags and self._most is not None:
                 due = self._next - block.index
-                calm = self._looker.calm(block.codes, edges[len(found) :], due, self._usual, self._most)
+                rest = edges[len(found) :] if found else edges
+                calm = self._looker.calm(block.codes, rest, due, self._usual, self._most)
                 found += [self._flags] * calm
             if len(found) < blocks:
                 begin, end = edges[len(found) : len(found) + 2].tolist()

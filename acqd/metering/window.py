@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,6 +63,14 @@ class _Columns:
     __slots__ = ("_one",)
     _one: OneWindow
 
+    @property
+    def _single(self) -> OneWindow | None:
+        """The window of a batch whose columns nobody has read."""
+        try:
+            return cast("OneWindow", _the_one(self))
+        except AttributeError:
+            return None
+
     if not TYPE_CHECKING:  # to a type checker, every attribute would be there
 
         def __getattr__(self, name: str) -> Any:
@@ -74,6 +82,7 @@ class _Columns:
             self.Vrms, self.Irms, self.P, self.Q1, self.imported, self.exported = rows
             self.seq, self.utc_ns, self.f = np.array((one.seq,)), np.array((one.utc_ns,)), np.array((one.f,))
             self.flags = [[set()] for _ in range(phases)] if one.flags is None else one.flags
+            del self._one  # what somebody changes in a column holds
             return getattr(self, name)
 
 
@@ -103,7 +112,20 @@ class WindowBatch(_Columns):
     """[phases][windows] row flags."""
 
     def __len__(self) -> int:
-        return len(self.seq)
+        return 1 if self._single is not None else len(self.seq)
+
+    def windows(self) -> list[OneWindow]:
+        """One by one, as plain numbers; a single live window without making its columns."""
+        if (one := self._single) is not None:
+            return [one]
+        quantities = np.concatenate((self.Vrms, self.Irms, self.P, self.Q1)).T.tolist()
+        readings = np.concatenate((self.imported, self.exported)).T.tolist()
+        named = zip(*self.flags, strict=True)
+        columns = (self.seq.tolist(), self.utc_ns.tolist(), self.f.tolist(), quantities, readings, named)
+        return [
+            OneWindow(seq, utc_ns, f, numbers, kWh, [[names] for names in flags] if any(flags) else None)
+            for seq, utc_ns, f, numbers, kWh, flags in zip(*columns, strict=True)
+        ]
 
     @property
     def S(self) -> Floats:  # noqa: N802
@@ -130,6 +152,9 @@ class WindowBatch(_Columns):
         phases = len(batches[0].flags)
         flags = [[row for batch in batches for row in batch.flags[phase]] for phase in range(phases)]
         return WindowBatch(**columns, flags=flags)
+
+
+_the_one = _Columns._one.__get__  # type: ignore[attr-defined,misc]  # past `__getattr__`, which makes columns
 
 
 def batch_of(one: OneWindow) -> WindowBatch:

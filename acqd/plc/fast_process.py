@@ -10,7 +10,6 @@ import sys
 import time
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any, Protocol
 
 from acqd.errors import UserError
@@ -195,9 +194,15 @@ def _kill(process: Process) -> None:
 def is_stopped(pid: int) -> bool:
     """Whether the kernel has stopped the process (SIGSTOP; proc(5), field 3 of stat)."""
     try:
-        return Path(f"/proc/{pid}/stat").read_bytes().rpartition(b")")[2].split()[0] == b"T"
+        stat = os.open(f"/proc/{pid}/stat", os.O_RDONLY | os.O_CLOEXEC)
     except OSError:
         return False
+    try:
+        return os.read(stat, 4096).rpartition(b")")[2].split()[0] == b"T"
+    except OSError:  # it has just ended
+        return False
+    finally:
+        os.close(stat)
 
 
 def how(code: int) -> str:

@@ -15,7 +15,7 @@ from acqd.uptime import Moment
 _COMMITS, _RECALLED, _RUN = "commits/", "recalled/", "run/"
 _MOST = 2**62
 """Of numbers and nanoseconds: what somebody else has written there is not counted on."""
-IDENTITY, MAINTAINED = "identity", "maintained"
+IDENTITY, MAINTAINED, SIZE = "identity", "maintained", "size"
 
 
 def _write_in(insert: postgresql.Insert | sqlite.Insert) -> sa.Insert:

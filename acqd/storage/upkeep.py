@@ -149,7 +149,7 @@ class Upkeep:
         if last is not None and min(last.moment.age_s(moment()), abs(wall - last.wall_ns / 1e9)) < _OVERDUE_S:
             self._say("maintenance", "")
             return False
-        retention = fitted(self._engine, self._retention)
+        retention = fitted(self._engine, self._retention, wall)
         why = doubt(self._engine, retention, wall)
         if not why and last is None and (old := rows_past(self._engine, retention, wall)):
             why = f"no maintenance has run yet, and {old} rows are older than {retention.power_days:g} days"

@@ -57,6 +57,7 @@ class Connector:
         address.tls_context()  # files that cannot be used are an error of the start
         self._failure = ""
         self.state: State = "connecting"
+        self._session_now: Session | None = None
         self.delivered = 0
         """Messages that the broker has acknowledged."""
         self.reconnects = -1
@@ -105,6 +106,8 @@ class Connector:
         deadline = asyncio.get_running_loop().time() + timeout
         while len(self._outbox) and self.state == "connected" and asyncio.get_running_loop().time() < deadline:
             await asyncio.sleep(0.01)
+            if self._session_now is not None:
+                self._session_now.room()  # listens
 
     def _first_failure(self, reason: str) -> UserError:
         if is_refusal(reason):
@@ -133,6 +136,8 @@ class Connector:
                 await session.subscribe(self._outbox.subscriptions())
                 if (greeting := self._greeting()) is not None:
                     session.send(Message(self._status_topic, greeting, retain=True))
+                session.gather()
+                self._session_now = session
                 self._outbox.ready(_Line(session))
                 await self._deliver(session)
             except asyncio.CancelledError:
@@ -143,6 +148,7 @@ class Connector:
                         await session.finish(will, _FAREWELL_S)
                 raise
             finally:
+                self._session_now = None
                 self._outbox.end()
 
     async def _deliver(self, session: Session) -> None:
@@ -150,7 +156,7 @@ class Connector:
         before = self.delivered
         while True:
             session.check()
-            room = session.window.room()
+            room = session.window.room()  # `check` has just listened
             messages = await self._outbox.take(room)
             if messages:
                 session.send(*messages)
@@ -166,7 +172,7 @@ class _Line:
 
     def room(self) -> Room:
         """Of the window."""
-        return self._session.window.room()
+        return self._session.room()
 
     def send(self, messages: Sequence[Message]) -> None:
         """Publish; that a connection has ended is said where it is awaited."""

@@ -88,8 +88,7 @@ class Delivery:
             )
         at_end = self._position == self.spool.end
         self._devices.update([row.stream.device for row in rows])
-        if self.spool.append(rows, readings):
-            self._unsent.add(rows)
+        kept = self.spool.append(rows, readings)
         if self._online and len(self._live) + len(rows) <= self._most_live:
             self._live += rows
             if at_end:
@@ -99,6 +98,8 @@ class Delivery:
         elif self._live:
             self._live.clear()
             self._position = self.spool.start
+        if kept:
+            self._unsent.add(rows)
         self._changed.set()
 
     def _sent_at_once(self) -> bool:
@@ -338,7 +339,8 @@ class Delivery:
         self._watch.sending()
         for stream, seq, _ in rows:
             self._flying.add(stream, seq, now)
-            self._unsent.publish(stream, seq)
+        if self._unsent:
+            self._unsent.publish(rows)
         self.sent += len(rows)
         return messages_of(rows, windows=self._windows)
 

@@ -18,6 +18,8 @@ from acqd.timestamps import filetime, rfc3339
 SCHEMA = 1
 Channel = Literal["L1", "L2", "L3", "total"]
 CHANNELS: tuple[Channel, ...] = ("L1", "L2", "L3", "total")
+_CHANNELS_OF: dict[int, tuple[Channel, ...]] = {1: ("L1",), 2: ("L1", "L2", "total"), 3: CHANNELS}
+"""By the number of phases."""
 _INT64 = 2**63 - 1
 _REASON = 300
 """Characters of the reason why a payload is no row."""
@@ -132,23 +134,20 @@ def rows_of(batch: WindowBatch, device: str, boot: str) -> Iterator[PowerRow]:
 
     Vrms and Irms of the total are effective values of the system; P, S (arithmetic) and W are sums of the phases.
     """
-    phases = range(len(batch.P))
-    channels = CHANNELS[: len(phases)] if len(phases) == 1 else (*CHANNELS[: len(phases)], "total")
-    columns = (batch.Vrms, batch.Irms, batch.P, batch.imported, batch.exported)
-    Vrms, Irms, P, imported, exported = (column.T.tolist() for column in columns)
-    windows = zip(batch.seq.tolist(), batch.utc_ns.tolist(), batch.f.tolist(), strict=True)
-    for k, (seq, utc_ns, f) in enumerate(windows):
-        stamp, ticks = rfc3339(utc_ns), filetime(utc_ns)
-        V, A, watts = Vrms[k], Irms[k], P[k]
-        VA, kWh = [*map(mul, V, A)], [*map(sub, imported[k], exported[k])]
-        named = [batch.flags[p][k] for p in phases]
-        flags = [sorted(names) for names in named] if any(named) else [[] for _ in phases]
-        if len(phases) > 1:
-            flags.append(_total_flags(named) if any(flags) else [])
+    for one in batch.windows():
+        seq, f, numbers, readings = one.seq, one.f, one.quantities, one.readings
+        count = len(readings) // 2
+        stamp, ticks = rfc3339(one.utc_ns), filetime(one.utc_ns)
+        V, A, watts = numbers[:count], numbers[count : 2 * count], numbers[2 * count : 3 * count]
+        VA, kWh = [*map(mul, V, A)], [*map(sub, readings[:count], readings[count:])]
+        flags = [[] for _ in range(count)] if one.flags is None else [sorted(names) for (names,) in one.flags]
+        if count > 1:
+            flags.append([] if one.flags is None else _total_flags([names for (names,) in one.flags]))
             V, A = [*V, effective(V)], [*A, effective(A)]
             watts, VA, kWh = [*watts, sum(watts)], [*VA, sum(VA)], [*kWh, sum(kWh)]
         f_known = f if f == f else None  # None for NaN; a function for this would take a sixth of the time of all
-        for channel, V_k, A_k, P_k, S_k, W_k, names in zip(channels, V, A, watts, VA, kWh, flags, strict=True):
+        columns = (_CHANNELS_OF[count], V, A, watts, VA, kWh, flags)
+        for channel, V_k, A_k, P_k, S_k, W_k, names in zip(*columns, strict=True):
             PF = power_factor(P_k, S_k)
             yield PowerRow(
                 device, channel, boot, seq, stamp, ticks, V_k if V_k == V_k else None, A_k if A_k == A_k else None,

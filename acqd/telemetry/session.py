@@ -16,7 +16,7 @@ from acqd.errors import UserError
 from acqd.telemetry import wire
 from acqd.telemetry.certificates import of_peer
 from acqd.telemetry.loop_socket import LoopSocket, in_words, reach
-from acqd.telemetry.message import Message, Outbox
+from acqd.telemetry.message import Message, Outbox, Room
 from acqd.telemetry.mqtt import BrokerAddress
 from acqd.telemetry.patience import Patience
 from acqd.telemetry.window import Window
@@ -118,8 +118,18 @@ class Session:
             self.window.add(number, message)
         self._socket.write(b"".join(packets))
 
+    def gather(self) -> None:
+        """From now on, acknowledgements are read when somebody asks: with `room`, `check`, or by many at once."""
+        self._socket.gather()
+
+    def room(self) -> Room:
+        """How many messages may be sent now."""
+        self._socket.hear()
+        return self.window.room()
+
     def check(self) -> None:
         """Raises SessionError when the connection has ended or the broker is silent."""
+        self._socket.hear()
         if self._ended.done():
             raise SessionError(self._ended.result())
         if self.window.silent_s() > self._patience.s:
@@ -135,6 +145,7 @@ class Session:
         deadline = time.monotonic() + timeout
         while len(self.window) and not self._ended.done() and time.monotonic() < deadline:
             await asyncio.sleep(0.005)
+            self._socket.hear()
 
     async def _answer(self, answer: asyncio.Future[None], timeout: float, to: str) -> None:
         either: set[asyncio.Future[Any]] = {answer, self._ended}
@@ -152,6 +163,7 @@ class Session:
     def _keep_alive(self) -> None:
         """Ping where nothing else is sent or heard; a broker that does not answer is dead."""
         now, sock = time.monotonic(), self._socket
+        sock.hear()
         self._look = self._loop.call_later(_LOOK_S, self._keep_alive)
         if self._pinged_at is not None and sock.heard_at < self._pinged_at:
             if now - self._pinged_at > _ANSWER_S:

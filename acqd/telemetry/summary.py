@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from acqd.metering import WindowBatch
+from acqd.metering.window import OneWindow
 from acqd.telemetry.row import PowerRow
 from acqd.timestamps import rfc3339
 
@@ -33,18 +34,18 @@ class Summariser:
     def __init__(self) -> None:
         self._rows: dict[str, list[PowerRow]] = defaultdict(list)
         self._registers: dict[str, Registers] = {}
-        self._metered: tuple[WindowBatch, int] | None = None  # where the registers of metered rows are read
+        self._metered: OneWindow | None = None  # where the registers of metered rows are read
         self._second: int | None = None
 
     def add(self, batch: WindowBatch, rows: Sequence[PowerRow]) -> list[dict[str, Any]]:
         """Take a batch and its rows, window by window; the summaries that they complete."""
         done: list[dict[str, Any]] = []
         channels = len(rows) // max(len(batch), 1)
-        for k, utc_ns in enumerate(batch.utc_ns.tolist()):
-            done += self._turn(utc_ns // 1_000_000_000)
+        for k, one in enumerate(batch.windows()):
+            done += self._turn(one.utc_ns // 1_000_000_000)
             for row in rows[k * channels : (k + 1) * channels]:
                 self._rows[row.channel].append(row)
-            self._metered = batch, k
+            self._metered = one
         return done
 
     def add_rows(self, rows: Iterable[TimedRow]) -> list[dict[str, Any]]:
@@ -62,15 +63,16 @@ class Summariser:
         if before is None or before == second:
             return []
         if self._metered is not None:
-            self._registers = _registers(*self._metered)
+            self._registers = _registers(self._metered)
         summaries = [_summary(rows, before, self._registers[channel]) for channel, rows in self._rows.items()]
         self._rows.clear()
         return summaries
 
 
-def _registers(batch: WindowBatch, k: int) -> dict[str, Registers]:
-    """Readings of the channels after window `k`; the total has the phases' sum."""
-    imported, exported = batch.imported[:, k].tolist(), batch.exported[:, k].tolist()
+def _registers(one: OneWindow) -> dict[str, Registers]:
+    """Readings of the channels after a window; the total has the phases' sum."""
+    count = len(one.readings) // 2
+    imported, exported = one.readings[:count], one.readings[count:]
     phases = {f"L{p + 1}": pair for p, pair in enumerate(zip(imported, exported, strict=True))}
     return {**phases, "total": (sum(imported), sum(exported))}
 

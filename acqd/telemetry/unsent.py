@@ -26,10 +26,15 @@ class Unsent:
                 waiting = self._rows[row.stream] = Ranges()
             waiting.add(row.seq, row.seq)
 
-    def publish(self, stream: Stream, seq: int) -> None:
-        """The row leaves."""
-        if (rows := self._rows.get(stream)) is not None and rows.remove(seq, seq) and not rows:
-            del self._rows[stream]
+    def __bool__(self) -> bool:
+        """Whether there are any."""
+        return bool(self._rows)
+
+    def publish(self, leaving: Iterable[SpooledRow]) -> None:
+        """These rows leave."""
+        for stream, seq, _ in leaving:
+            if (rows := self._rows.get(stream)) is not None and rows.remove(seq, seq) and not rows:
+                del self._rows[stream]
 
     def without(self, stream: Stream, first: int, last: int) -> Iterable[tuple[int, int]]:
         """The parts of first..last that hold no row of these."""

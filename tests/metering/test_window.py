@@ -32,3 +32,15 @@ def test_it_is_changed_and_sent_like_any_other():
     batch = one()
     batch.imported[0] += 1.0
     assert batch.imported.tolist() == [[10.0], [8.0]]
+
+
+@pytest.mark.parametrize("flags", [None, [[{"late"}], [set()]]])
+def test_windows_one_by_one_are_the_same_whether_columns_have_been_made_or_not(flags):
+    batch = one(flags)
+    (plain,) = batch.windows()
+    assert len(batch) == 1 and batch.P.tolist() == [[3.0], [4.0]]
+    (made,) = batch.windows()
+    assert made == plain and made is not plain
+    batch.imported[0] += 1.0
+    assert batch.windows()[0].readings == [10.0, 8.0, 0.5, 0.25]
+    assert [each.seq for each in type(batch).join([batch, one().renumbered(1)]).windows()] == [7, 8]

@@ -107,6 +107,26 @@ def test_packets_that_arrive_byte_by_byte_are_understood():
     assert inbox.settled == ["first"] and inbox.heard == [("t/r", b"hell", True)]
 
 
+def test_one_acknowledgement_wakes_nobody_where_they_are_gathered_and_a_message_does():
+    """It is read when somebody asks for room; what a sink sends is longer, and read at once."""
+    message = b"\x33\x47\x00\x03t/r\x00\x07" + b"x" * 64
+    port = scripted((b"MQTT", b"\x20\x02\0\0"), (b"one", b"\x40\x02\0\x01"), (b"two", message))
+    inbox = _Inbox()
+
+    async def scenario():
+        async with Session(BrokerAddress(port=port), "t", Message("t/status", b""), inbox) as session:
+            session.gather()
+            session.send(Message("t/x", b"one", tag="first"))
+            await asyncio.sleep(0.1)
+            assert len(session.window) == 1
+            assert session.room().messages and not len(session.window)
+            session.send(Message("t/x", b"two", tag="second"))
+            await until(lambda: inbox.heard, "the message has come")
+
+    asyncio.run(scenario())
+    assert inbox.settled == ["first"]
+
+
 @pytest.mark.parametrize("answer", [b"\xff\xff\xff\xff\xff", b""])
 def test_a_broker_that_speaks_no_mqtt_or_nothing_is_left(answer, monkeypatch):
     monkeypatch.setattr("acqd.telemetry.session._CONNECT_S", 0.5)

@@ -50,7 +50,7 @@ def select(setup: Setup, limits: Limits, progress: Callable[[str], None]) -> Sel
     state = State(rows, rows, tuple(setup.gates), kinds_of(setup.design.columns.candidates))
     state, doubt = _grown(state, limits, progress)
     state = _settled(state)
-    if doubt is not None and _explained(doubt.before) + _explained_by_law(doubt, limits) > _explained(state):
+    if doubt is not None and _remains(doubt, state) and _by_law(doubt, limits) > _explained(state):
         table = led_by(doubt.table, doubt.law.finding)
         state = replace(doubt.before, rows=doubt.rows, unknown=doubt.law, table=table, standing=state.standing)
     rows = replace(state.rows, regression=state.rows.regression.on(state.rows.design.blocks))
@@ -143,10 +143,19 @@ def _with_varied(state: State, beyond: float) -> State | None:
     return replace(state, rows=rows, effects=effects, varied=(*state.varied, *columns))
 
 
-def _explained_by_law(doubt: Doubt, limits: Limits) -> float:
-    """Evidence above the margins of a law and of the one effect that leads beside the law, if one passes."""
+def _remains(doubt: Doubt, state: State) -> bool:
+    """Whether the law explains more, beside all names, than what wrong columns leave: before a payload has its name, a
+    curve of friction explains a part of it.
+    """
+    gate, law = doubt.law.gate.open, doubt.law.finding.candidate
+    left = ranked(state.rows, gate, [law])
+    return bool(left) and left[0].evidence > margin(state.rows, gate, left[0], state.known, state.kinds)
+
+
+def _by_law(doubt: Doubt, limits: Limits) -> float:
+    """Evidence above the margins of the effects before a law, of the law, and of the effect that leads beside it."""
     state, law = doubt.before, doubt.law
-    net = law.finding.evidence - law.margin
+    net = _explained(state) + law.finding.evidence - law.margin
     if len(state.effects) + 1 >= limits.max_effects:
         return net
     columns = [Column(int(index), law.gate.open, owner="law") for index in law.finding.candidate.indices]

@@ -34,10 +34,7 @@ class _Means:
 
     def add(self, values: QualityValues) -> None:
         """Take the values of the next interval: of the same quantities."""
-        row = self._rows[self._taken]
-        ends = [*values.system.values(), values.f, values.rocof]
-        np.concatenate([value.ravel() for value in values.phase.values()], out=row[: -len(ends)])
-        row[-len(ends) :] = ends
+        self._rows[self._taken] = values.numbers()
         self._taken += 1
         if self._taken == _AT_ONCE:
             self._fold()

@@ -142,12 +142,13 @@ def _fundamental(lines: Lines, cycles: int) -> dict[str, Floats]:
     S1 = U1 I1 conj = P1 + j Q1 (IEEE 1459-2010, section 3.1.2): Q1 > 0 where the current lags (inductive, import).
     Angles [deg] refer to U1 of L1.
     """
-    U1, I1 = lines[0::2, cycles], lines[1::2, cycles]
+    both = lines[:, cycles]
+    U1, I1, sizes = both[0::2], both[1::2], np.abs(both)
     power = U1 * I1.conj()
-    reference = U1[0] / abs(U1[0]) if abs(U1[0]) > 0 else 1.0
-    angles = [np.where(np.abs(x) > 0, np.degrees(np.angle(x / reference)), np.nan) for x in (U1, I1)]
+    reference = U1[0] / sizes[0] if sizes[0] > 0 else 1.0
+    angles = np.where(sizes > 0, np.degrees(np.angle(both / reference)), np.nan)
     return {
-        "V1": np.abs(U1), "I1": np.abs(I1), "V1_angle": angles[0], "I1_angle": angles[1],
+        "V1": sizes[0::2], "I1": sizes[1::2], "V1_angle": angles[0::2], "I1_angle": angles[1::2],
         "P1": power.real, "Q1": power.imag, "S1": np.abs(power),
         "V_dc": lines[0::2, 0].real, "I_dc": lines[1::2, 0].real,
     }  # fmt: skip

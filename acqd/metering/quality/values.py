@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
+import numpy as np
+
 from acqd.arrays import Floats
 
 Kind = Literal["10/12", "150/180", "10min", "2h", "10s", "Pst", "Plt"]
@@ -92,3 +94,13 @@ class QualityValues:
     """Of the whole system."""
     phase_flags: list[frozenset[str]] = field(default_factory=list)
     """Besides these, of one phase."""
+    _numbers: Floats | None = field(default=None, init=False, repr=False, compare=False)
+
+    def numbers(self) -> Floats:
+        """Those of `phase`, those of `system`, f and its rate of change in a row: made once for all aggregates."""
+        if self._numbers is None:
+            ends = [*self.system.values(), self.f, self.rocof]
+            row = np.concatenate([*(value.ravel() for value in self.phase.values()), ends])
+            object.__setattr__(self, "_numbers", row)
+        assert self._numbers is not None
+        return self._numbers

@@ -14,6 +14,9 @@ from acqd.sources.ethercat import objects
 from acqd.sources.interfaces import DROP_IN, check_interface
 
 _STATE_US = 2_000_000  # for a change of state
+_ANSWER_US = 50_000
+"""For the answer to each frame of a start. SOEM waits for 2 ms of wall time: a busy computer looks later for an
+answer, and a start takes hundreds of frames, each of which must be answered in time."""
 
 
 class SegmentError(Exception):
@@ -49,6 +52,18 @@ def open_master(interface: str, option: str = "source.interface") -> Any:
         ) from None
     master.manual_state_change = True
     return master
+
+
+@contextlib.contextmanager
+def patient() -> Iterator[None]:
+    """Wait longer for answers to acyclic frames, of all masters of this process: before anything is metered."""
+    waits = pysoem.settings.timeouts
+    usual = waits.ret, waits.safe, waits.tx_mailbox
+    waits.ret = waits.safe = waits.tx_mailbox = _ANSWER_US
+    try:
+        yield
+    finally:
+        waits.ret, waits.safe, waits.tx_mailbox = usual
 
 
 def close_master(master: Any) -> None:

@@ -6,7 +6,7 @@ from typing import Any
 
 import pysoem
 
-from acqd.sources.ethercat.bus import SegmentError, close_master, open_master
+from acqd.sources.ethercat.bus import SegmentError, close_master, open_master, patient
 from acqd.sources.ethercat.configure import configure, find_terminals
 from acqd.sources.ethercat.layout import BlockLayout
 from acqd.sources.ethercat.settings import EthercatSettings
@@ -32,11 +32,12 @@ class Segment:
         """
         master = open_master(settings.interface)
         try:
-            terminals = find_terminals(master, settings)
-            layouts = configure(master, terminals, settings)
-            segment = cls(master, terminals, layouts[0], settings)
-            segment._synchronise()
-            segment._operate()
+            with patient():
+                terminals = find_terminals(master, settings)
+                layouts = configure(master, terminals, settings)
+                segment = cls(master, terminals, layouts[0], settings)
+                segment._synchronise()
+                segment._operate()
         except BaseException:
             close_master(master)
             raise

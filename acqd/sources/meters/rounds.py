@@ -14,6 +14,7 @@ from acqd.sources.meters.decode import raw_value
 from acqd.sources.meters.lone import alone
 from acqd.sources.meters.plan import Plan
 from acqd.sources.meters.profile import Profile
+from acqd.sources.meters.resolution import Resolution
 
 _VOLTS = 2.0
 """Of the nominal voltage: no supply holds more for a second (EN 50160: swells below 1.2 kV stay under 1.7)."""
@@ -64,6 +65,7 @@ class RoundJudge:
     _most_VA: float = 0.0
     _believed: dict[str, float] = field(default_factory=dict)
     """Values of the last round in which nothing was contradicted."""
+    _resolutions: dict[str, Resolution] = field(default_factory=dict)
     _round_ns: int = 0
     _f_alone: tuple[int, int] | None = None
     """Since when, and in how many rounds, f alone has left its value."""
@@ -97,6 +99,8 @@ class RoundJudge:
         for name, value in values.items():
             if value is not None and self._impossible(name, value):
                 known[name] = None
+            elif value is not None:
+                self._resolutions.setdefault(name, Resolution()).feed(value)
         voltages = [name for name in values if name.endswith(".Vrms") and values[name] is not None]
         if voltages and all(known[name] is None for name in voltages):  # another word order, another device: no energy
             return Judged(dict.fromkeys(values), frozenset({INVALID}))
@@ -111,9 +115,7 @@ class RoundJudge:
         alive = max(known.get(f"L{k}.Vrms") or 0.0 for k in (1, 2, 3)) > _DEAD * self.nominal_voltage
         if known.get("f") == 0 and alive:
             known["f"] = None  # a meter that does not measure f
-        self._most_VA = max(
-            self._most_VA, *(known.get(f"L{k}.S") or _product(f"L{k}", known) or 0.0 for k in (1, 2, 3))
-        )
+        self._most_VA = max(self._most_VA, _largest_power(known))
         for name in known:
             if name.endswith((".W", ".W_export")):
                 known[name] = self._counted(name, known[name], now_ns, flags)
@@ -143,7 +145,8 @@ class RoundJudge:
         """Registers that have left the others since the last round."""
         if now_ns - self._round_ns > _RECENT_NS:
             self._believed.clear()
-        return alone(self._believed, known, self.nominal_voltage)
+        steps = {name: resolution.step for name, resolution in self._resolutions.items()}
+        return alone(self._believed, known, self.nominal_voltage, steps)
 
     def _lasting(self, lone: set[str], now_ns: int) -> bool:
         """Whether f alone has left its value for long: it is that of another supply then."""
@@ -160,6 +163,12 @@ class RoundJudge:
         if value is None:
             return None
         return counter.feed(value, now_ns, self._most_VA, may_be_zero=name != "total.W", flags=flags)
+
+
+def _largest_power(known: dict[str, float | None]) -> float:
+    """Largest apparent power of a phase or of the total [VA]; a meter may have P of the total alone."""
+    powers = [abs(known.get(f"{channel}.{kind}") or 0.0) for channel in _CHANNELS for kind in ("P", "S")]
+    return max(*powers, *(_product(f"L{k}", known) or 0.0 for k in (1, 2, 3)))
 
 
 def _drop_power_factor(channel: str, known: dict[str, float | None]) -> None:

@@ -78,12 +78,22 @@ def test_a_law_that_exceeds_the_leader_by_the_margin_is_a_doubt(law, outdone, st
     assert step.outdone is outdone and step.leader.id == "payload"
 
 
-@pytest.mark.parametrize(("law", "names"), [(529.0, ["payload", "copper_loss"]), (531.0, [])])
-def test_names_have_to_explain_as_much_above_their_margins_as_the_law_in_their_place(law, names, state, monkeypatch):
-    """Two names explain 490 in the tables and 590 by now, less margins of 60: a third one was superfluous."""
+@pytest.mark.parametrize(
+    ("law", "beside", "names"),
+    [
+        (529.0, MARGIN + 99.0, ["payload", "copper_loss"]),
+        (531.0, MARGIN + 99.0, []),
+        (531.0, MARGIN - 1.0, ["payload", "copper_loss"]),
+    ],
+)
+def test_names_have_to_explain_as_much_as_a_law_that_they_leave(law, beside, names, state, monkeypatch):
+    """Two names explain 490 in the tables and 590 by now, less margins of 60: a third one was superfluous.
+
+    `beside`: evidence of the law beside all names; the margin is larger by what their wrong columns leave.
+    """
     before = replace(state, effects=())
     doubt = Doubt(before, state.rows, Unknown(finding("", law + MARGIN), ALWAYS, MARGIN), ())
-    evidence = {"payload": 500.0, "copper_loss": 90.0}
+    evidence = {"payload": 500.0, "copper_loss": 90.0, "": beside}
     monkeypatch.setattr(search, "ranked", lambda rows, gate, own: [finding(own[0].id, evidence[own[0].id])])
     monkeypatch.setattr(search, "without", lambda rows, selected: rows)
     monkeypatch.setattr(search, "with_sessions", lambda _: state.rows)
