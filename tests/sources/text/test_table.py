@@ -37,6 +37,15 @@ def test_csv_with_semicolons_decimal_commas_and_unix_time(tmp_path):
     assert waveform.form.rate == pytest.approx(10_000, rel=1e-4)
 
 
+def test_row_names_of_r_are_no_column_of_the_header(tmp_path):
+    """The header has a name less than the rows have fields: the names would stand one column too far left."""
+    plain, named = tmp_path / "a.csv", tmp_path / "r.csv"
+    write_csv(plain)
+    header, *rows = plain.read_text().splitlines()
+    named.write_text("\n".join([header, *(f'"{number}",{row}' for number, row in enumerate(rows, start=1))]))
+    np.testing.assert_array_equal(load_waveform(named).codes, load_waveform(plain).codes)
+
+
 def test_csv_columns_by_map_and_scale(tmp_path):
     path = tmp_path / "a.csv"
     write_csv(path, header="t,Ch A,Ch B")
