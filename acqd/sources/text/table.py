@@ -169,9 +169,7 @@ def _read_header(table: Table, lines: list[str], layout: Layout) -> None:
     if layout.names_row:
         candidates = [layout.names_row - 1]
     names_at = _header_rows(table, [_unlabelled(row, table.width) for row in rows], candidates, layout)
-    if len(_filled(names_at)) == table.width - 1 and all(names_at[:1]) and _are_numbered(table, lines):
-        names_at = ["", *names_at]  # R's row names: the header has no name for them
-        table.units = ["", *table.units[:-1]] if table.units and not table.units[-1] else table.units
+    names_at = _beside_numbers(table, lines, names_at)
     table.names = _padded(_named(table, layout.names) or names_at, table.width)
     if not table.units and are_units_alone(table.names):
         table.units, table.names = _padded([_bare(text) for text in table.names], table.width), [""] * table.width
@@ -188,11 +186,16 @@ def _read_header(table: Table, lines: list[str], layout: Layout) -> None:
         table.names = [f"column {k}" for k in range(table.width)]
 
 
-def _are_numbered(table: Table, lines: list[str]) -> bool:
-    """Whether the first column counts the rows from 1."""
-    rows = [split_row(line, table.separator) for line in lines[table.first : table.first + _RUN] if line.strip()]
-    counted = [int(row[0]) for row in rows if row and row[0].isdecimal() and len(row[0]) < 10]
-    return len(rows) == _RUN and counted == list(range(1, _RUN + 1))
+def _beside_numbers(table: Table, lines: list[str], names: list[str]) -> list[str]:
+    """The names, behind an empty one for R's row names: a column that counts from 1, for which the header has none."""
+    if len(_filled(names)) != table.width - 1 or not all(names[:1]):
+        return names
+    rows = [split_row(line, table.separator) for line in lines[table.first : table.first + _RUN]]
+    if [row[0] for row in rows] != [str(number + 1) for number in range(_RUN)]:
+        return names
+    if table.units and not table.units[-1]:
+        table.units = ["", *table.units[:-1]]
+    return ["", *names]
 
 
 def _name_times(table: Table, layout: Layout) -> None:
