@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from acqd.metering.window import WindowBatch
+from acqd.metering.window import WindowBatch, windows_of
 
 BLOCK_S = 900
 """Of the demand."""
@@ -61,7 +61,7 @@ class Registers:
 
     def add(self, batch: WindowBatch) -> None:
         """Count windows."""
-        for one in batch.windows():
+        for one in windows_of(batch):
             count = len(one.readings) // 2
             imported = one.readings[:count]
             self._to_block(one.utc_ns // (BLOCK_S * 10**9))

@@ -114,19 +114,6 @@ class WindowBatch(_Columns):
     def __len__(self) -> int:
         return 1 if self._single is not None else len(self.seq)
 
-    def windows(self) -> list[OneWindow]:
-        """One by one, as plain numbers; a single live window without making its columns."""
-        if (one := self._single) is not None:
-            return [one]
-        quantities = np.concatenate((self.Vrms, self.Irms, self.P, self.Q1)).T.tolist()
-        readings = np.concatenate((self.imported, self.exported)).T.tolist()
-        named = zip(*self.flags, strict=True)
-        columns = (self.seq.tolist(), self.utc_ns.tolist(), self.f.tolist(), quantities, readings, named)
-        return [
-            OneWindow(seq, utc_ns, f, numbers, kWh, [[names] for names in flags] if any(flags) else None)
-            for seq, utc_ns, f, numbers, kWh, flags in zip(*columns, strict=True)
-        ]
-
     @property
     def S(self) -> Floats:  # noqa: N802
         """[phases, windows] apparent power Vrms * Irms [VA]."""
@@ -165,3 +152,17 @@ def batch_of(one: OneWindow) -> WindowBatch:
 
 
 _NAMES = frozenset(field.name for field in fields(WindowBatch))
+
+
+def windows_of(batch: WindowBatch) -> list[OneWindow]:
+    """One by one, as plain numbers; a single live window without making its columns."""
+    if (one := batch._single) is not None:
+        return [one]
+    quantities = np.concatenate((batch.Vrms, batch.Irms, batch.P, batch.Q1)).T.tolist()
+    readings = np.concatenate((batch.imported, batch.exported)).T.tolist()
+    named = zip(*batch.flags, strict=True)
+    columns = (batch.seq.tolist(), batch.utc_ns.tolist(), batch.f.tolist(), quantities, readings, named)
+    return [
+        OneWindow(seq, utc_ns, f, numbers, kWh, [[names] for names in flags] if any(flags) else None)
+        for seq, utc_ns, f, numbers, kWh, flags in zip(*columns, strict=True)
+    ]

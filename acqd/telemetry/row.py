@@ -13,6 +13,7 @@ from msgspec import Meta
 
 from acqd.metering import WindowBatch
 from acqd.metering.power import effective, power_factor
+from acqd.metering.window import windows_of
 from acqd.timestamps import filetime, rfc3339
 
 SCHEMA = 1
@@ -134,7 +135,7 @@ def rows_of(batch: WindowBatch, device: str, boot: str) -> Iterator[PowerRow]:
 
     Vrms and Irms of the total are effective values of the system; P, S (arithmetic) and W are sums of the phases.
     """
-    for one in batch.windows():
+    for one in windows_of(batch):
         seq, f, numbers, readings = one.seq, one.f, one.quantities, one.readings
         count = len(readings) // 2
         stamp, ticks = rfc3339(one.utc_ns), filetime(one.utc_ns)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from acqd.metering import WindowBatch
-from acqd.metering.window import OneWindow
+from acqd.metering.window import OneWindow, windows_of
 from acqd.telemetry.row import PowerRow
 from acqd.timestamps import rfc3339
 
@@ -41,7 +41,7 @@ class Summariser:
         """Take a batch and its rows, window by window; the summaries that they complete."""
         done: list[dict[str, Any]] = []
         channels = len(rows) // max(len(batch), 1)
-        for k, one in enumerate(batch.windows()):
+        for k, one in enumerate(windows_of(batch)):
             done += self._turn(one.utc_ns // 1_000_000_000)
             for row in rows[k * channels : (k + 1) * channels]:
                 self._rows[row.channel].append(row)

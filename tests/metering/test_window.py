@@ -4,7 +4,7 @@ import pickle
 
 import pytest
 
-from acqd.metering.window import OneWindow, batch_of
+from acqd.metering.window import OneWindow, batch_of, windows_of
 
 
 def one(flags=None):
@@ -37,10 +37,10 @@ def test_it_is_changed_and_sent_like_any_other():
 @pytest.mark.parametrize("flags", [None, [[{"late"}], [set()]]])
 def test_windows_one_by_one_are_the_same_whether_columns_have_been_made_or_not(flags):
     batch = one(flags)
-    (plain,) = batch.windows()
+    (plain,) = windows_of(batch)
     assert len(batch) == 1 and batch.P.tolist() == [[3.0], [4.0]]
-    (made,) = batch.windows()
+    (made,) = windows_of(batch)
     assert made == plain and made is not plain
     batch.imported[0] += 1.0
-    assert batch.windows()[0].readings == [10.0, 8.0, 0.5, 0.25]
-    assert [each.seq for each in type(batch).join([batch, one().renumbered(1)]).windows()] == [7, 8]
+    assert windows_of(batch)[0].readings == [10.0, 8.0, 0.5, 0.25]
+    assert [each.seq for each in windows_of(type(batch).join([batch, one().renumbered(1)]))] == [7, 8]

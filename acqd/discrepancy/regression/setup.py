@@ -141,13 +141,17 @@ def _common(design: Design) -> list[int]:
         if candidate.id and effects[candidate.id].structural:
             structural |= set(candidate.indices.tolist())
     indices = np.array(sorted(structural), dtype=int)
-    before = [part for part in design.parts if not part.in_question]
+    now, before = (_most_in_a_session(design, indices, in_question=side) for side in (True, False))
+    return list(indices[before > THRESHOLDS.common_share * now])
+
+
+def _most_in_a_session(design: Design, indices: Indices, *, in_question: bool) -> Floats:
+    """[indices] W^2, mean of the blocks of the session in which a column acts most."""
     sessions: dict[str, list[Part]] = {}
     for part in design.parts:
-        if part.in_question:
+        if part.in_question == in_question:
             sessions.setdefault(design.columns.segments[part.segment].session, []).append(part)
-    now = np.max([_mean_squares(design, parts, indices) for parts in sessions.values()], axis=0)
-    return list(indices[_mean_squares(design, before, indices) > THRESHOLDS.common_share * now])
+    return np.asarray(np.max([_mean_squares(design, parts, indices) for parts in sessions.values()], axis=0))
 
 
 def _mean_squares(design: Design, parts: list[Part], indices: Indices) -> Floats:

@@ -50,7 +50,7 @@ def select(setup: Setup, limits: Limits, progress: Callable[[str], None]) -> Sel
     state = State(rows, rows, tuple(setup.gates), kinds_of(setup.design.columns.candidates))
     state, doubt = _grown(state, limits, progress)
     state = _settled(state)
-    if doubt is not None and _remains(doubt, state) and _by_law(doubt, limits) > _explained(state):
+    if doubt is not None and _remains(state, limits) and _by_law(doubt, limits) > _explained(state):
         table = led_by(doubt.table, doubt.law.finding)
         state = replace(doubt.before, rows=doubt.rows, unknown=doubt.law, table=table, standing=state.standing)
     rows = replace(state.rows, regression=state.rows.regression.on(state.rows.design.blocks))
@@ -143,13 +143,13 @@ def _with_varied(state: State, beyond: float) -> State | None:
     return replace(state, rows=rows, effects=effects, varied=(*state.varied, *columns))
 
 
-def _remains(doubt: Doubt, state: State) -> bool:
-    """Whether the law explains more, beside all names, than what wrong columns leave: before a payload has its name, a
-    curve of friction explains a part of it.
+def _remains(state: State, limits: Limits) -> bool:
+    """Whether a law explains more, beside all names, than what wrong columns leave.
+
+    Before a payload has its name, a curve of friction explains a part of it. Where the search ended with the most
+    effects, nobody has looked.
     """
-    gate, law = doubt.law.gate.open, doubt.law.finding.candidate
-    left = ranked(state.rows, gate, [law])
-    return bool(left) and left[0].evidence > margin(state.rows, gate, left[0], state.known, state.kinds)
+    return state.unknown is not None or len(state.effects) >= limits.max_effects
 
 
 def _by_law(doubt: Doubt, limits: Limits) -> float:

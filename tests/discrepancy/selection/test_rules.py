@@ -79,31 +79,33 @@ def test_a_law_that_exceeds_the_leader_by_the_margin_is_a_doubt(law, outdone, st
 
 
 @pytest.mark.parametrize(
-    ("law", "beside", "names"),
+    ("law", "beside", "most", "names"),
     [
-        (529.0, MARGIN + 99.0, ["payload", "copper_loss"]),
-        (531.0, MARGIN + 99.0, []),
-        (531.0, MARGIN - 1.0, ["payload", "copper_loss"]),
+        (529.0, True, 5, ["payload", "copper_loss"]),
+        (531.0, True, 5, []),
+        (531.0, False, 5, ["payload", "copper_loss"]),
+        (531.0, False, 2, []),
     ],
 )
-def test_names_have_to_explain_as_much_as_a_law_that_they_leave(law, beside, names, state, monkeypatch):
+def test_names_have_to_explain_as_much_as_a_law_if_they_leave_one(law, beside, most, names, state, monkeypatch):
     """Two names explain 490 in the tables and 590 by now, less margins of 60: a third one was superfluous.
 
-    `beside`: evidence of the law beside all names; the margin is larger by what their wrong columns leave.
+    `beside`: a law passes beside all names; `most`: effects, after which no law is looked for.
     """
     before = replace(state, effects=())
-    doubt = Doubt(before, state.rows, Unknown(finding("", law + MARGIN), ALWAYS, MARGIN), ())
-    evidence = {"payload": 500.0, "copper_loss": 90.0, "": beside}
+    unknown = Unknown(finding("", law + MARGIN), ALWAYS, MARGIN)
+    doubt, grown = Doubt(before, state.rows, unknown, ()), replace(state, unknown=unknown if beside else None)
+    evidence = {"payload": 500.0, "copper_loss": 90.0}
     monkeypatch.setattr(search, "ranked", lambda rows, gate, own: [finding(own[0].id, evidence[own[0].id])])
     monkeypatch.setattr(search, "without", lambda rows, selected: rows)
     monkeypatch.setattr(search, "with_sessions", lambda _: state.rows)
     monkeypatch.setattr(search, "kinds_of", lambda *_: 40)
-    monkeypatch.setattr(search, "_grown", lambda *_: (state, doubt))
-    monkeypatch.setattr(search, "_settled", lambda grown: grown)
+    monkeypatch.setattr(search, "_grown", lambda *_: (grown, doubt))
+    monkeypatch.setattr(search, "_settled", lambda settled: settled)
+    monkeypatch.setattr(search, "_by_law", lambda *_: law)
     setup = SimpleNamespace(gates=[ALWAYS], design=state.rows.design)
-    selection = search.select(setup, Limits(max_effects=1), lambda _: None)
+    selection = search.select(setup, Limits(max_effects=most), lambda _: None)
     assert [each.id for each in selection.effects] == names
-    assert (selection.unknown is None) is bool(names)
 
 
 @pytest.mark.parametrize(("left", "names"), [(MARGIN - 1, ["copper_loss"]), (MARGIN + 1, ["payload", "copper_loss"])])

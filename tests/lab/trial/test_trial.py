@@ -100,7 +100,7 @@ def test_the_page_has_the_verdict_first_and_the_truth_after_it(tmp_path):
     found = outcome(hidden, told(effect("payload", "flange", mass=(1.45, "kg", [1.4, 1.49]))))
     steps, pages = [("acqd train <ds>", 7.2), ("acqd close-loop ds", None)], [loop, tmp_path / "gone.html"]
     trial = Trial(tmp_path, "iiwa7_r800", 3, hidden, found, steps, pages, ["acqd next loop"])
-    body = trial_page(trial, chart()).html().partition("<body>")[2]
+    body = trial_page(trial, chart()).html().partition("<body>")[2].replace("\N{NO-BREAK SPACE}", " ")
     order = [
         "simulated data", "Cause found: payload (flange)", "1.45 kg", "What was hidden", "a mass hangs at the flange",
         "The loop has named the hidden change", "1.40 to 1.49 kg", ">no</td>", "acqd train &lt;ds&gt;",
