@@ -20,7 +20,7 @@ def broker(
     host: Annotated[str, typer.Option(callback=bare, help="Address to listen on.")] = "127.0.0.1",
     port: Annotated[int, typer.Option(min=1, max=65535)] = 1883,
     duration: Annotated[float | None, typer.Option(min=0.1, help="Stop after so many seconds.")] = None,
-    embedded: Annotated[bool, typer.Option("--embedded", hidden=True)] = False,
+    embedded: Annotated[int | None, typer.Option("--embedded", hidden=True, help="Process id of its daemon.")] = None,
     json: Json = False,
 ) -> None:
     """Run the embedded MQTT broker (3.1.1, no passwords; a plant runs mosquitto).
@@ -28,7 +28,7 @@ def broker(
     Example: acqd broker --port 1884
     """
     if embedded:
-        die_with_parent()
+        die_with_parent(embedded)
     asyncio.run(_serve(host, port, duration, json))
 
 

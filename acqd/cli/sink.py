@@ -59,7 +59,7 @@ def sink(
     port: Port = None,
     duration: Annotated[float | None, typer.Option(min=0.1, help="Stop after so many seconds.")] = None,
     group: Annotated[str | None, typer.Option(help="Share the rows with the other sinks of this group.")] = None,
-    embedded: Annotated[bool, typer.Option("--embedded", hidden=True)] = False,
+    embedded: Annotated[int | None, typer.Option("--embedded", hidden=True, help="Process id of its daemon.")] = None,
     json: Json = False,
 ) -> None:
     """Write rows from the broker into SQL, acknowledging them after the commit.
@@ -79,7 +79,7 @@ def sink(
     from acqd.storage.upkeep import Upkeep
 
     if embedded:
-        die_with_parent()
+        die_with_parent(embedded)
     # `acqd run` hands its configuration over on stdin: other users can read arguments, and it holds passwords.
     settings = Config.model_validate_json(sys.stdin.read()) if embedded else configured(config, host, port, "sink")
     engine = engine_for(database or settings.sink.database, impatient=True)

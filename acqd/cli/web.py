@@ -33,7 +33,7 @@ def web(
     port: Port = None,
     database: Annotated[str | None, typer.Option(help="SQL database of the past (default: the config's).")] = None,
     token: Annotated[str | None, typer.Option(help="Token to ask for (default off loopback: a new one).")] = None,
-    embedded: Annotated[bool, typer.Option("--embedded", hidden=True)] = False,
+    embedded: Annotated[int | None, typer.Option("--embedded", hidden=True, help="Process id of its daemon.")] = None,
     json: Json = False,
 ) -> None:
     """Serve the live page: numbers, charts, waveforms, predictions and the services' health.
@@ -45,7 +45,7 @@ def web(
     from acqd.web.settings import settings_of
 
     if embedded:
-        die_with_parent()
+        die_with_parent(embedded)
     # `acqd run` hands its configuration over on stdin, as to the sink
     chosen = Config.model_validate_json(sys.stdin.read()) if embedded else configured(config, host, port, "web")
     given = {"host": listen, "port": web_port, "token": token}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import os
 import resource
 import sys
 
@@ -40,7 +41,7 @@ class BrokerProcess:
 
     async def _launch(self) -> None:
         process = await asyncio.create_subprocess_exec(
-            *(sys.executable, "-P", "-m", "acqd", "broker", "--embedded"),
+            *(sys.executable, "-P", "-m", "acqd", "broker", "--embedded", str(os.getpid())),
             *("--host", self._host, "--port", str(self._port)),
             stdin=asyncio.subprocess.DEVNULL,
             stdout=asyncio.subprocess.PIPE,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
+import os
 import sys
 import time
 
@@ -30,7 +31,7 @@ class EmbeddedChild:
     async def start(self) -> None:
         """Start the process. Raises UserError with its reason when it cannot start."""
         process = await asyncio.create_subprocess_exec(
-            *(sys.executable, "-P", "-m", "acqd", self._command, "--embedded"),
+            *(sys.executable, "-P", "-m", "acqd", self._command, "--embedded", str(os.getpid())),
             stdin=asyncio.subprocess.PIPE,
             stdout=asyncio.subprocess.PIPE,
             stderr=asyncio.subprocess.PIPE,

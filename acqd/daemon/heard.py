@@ -8,6 +8,7 @@ import numpy as np
 import orjson
 import paho.mqtt.client as mqtt
 from paho.mqtt.enums import CallbackAPIVersion
+from paho.mqtt.reasoncodes import ReasonCode
 
 from acqd.telemetry.mqtt import BrokerAddress
 
@@ -24,6 +25,8 @@ class Heard:
         self._values: dict[tuple[str, str], list[float]] = {}
         self._client: mqtt.Client | None = None
         self._fields = fields
+        self.trouble = "" if address is None else f"the broker at {address.host}:{address.port} does not answer"
+        """Why nothing could be heard; else empty."""
         if address is None:
             return
         client = mqtt.Client(CallbackAPIVersion.VERSION2)
@@ -38,8 +41,9 @@ class Heard:
         client.loop_start()
         self._client = client
 
-    def _subscribe(self, client: mqtt.Client, *_: object) -> None:
-        for topic in self._topics:
+    def _subscribe(self, client: mqtt.Client, _data: object, _flags: object, reason: ReasonCode, _more: object) -> None:
+        self.trouble = f"the broker refuses acqd doctor ({reason})" if reason.is_failure else ""
+        for topic in self._topics if not reason.is_failure else ():
             client.subscribe(topic)
 
     def take(self, topic: str, payload: bytes | bytearray) -> None:

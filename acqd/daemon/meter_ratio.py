@@ -50,7 +50,7 @@ def judged(rows: Heard, device: str, expected_W: float | None, rated_W: float | 
     means = {phase: {name: rows.mean(f"{phase}/power", name) for name in _READ} for phase in _PHASES}
     readings = {phase: found for phase, found in means.items() if found["P"] is not None and found["Irms"] is not None}
     if not readings:
-        raise OperationError(f"no power rows of {device} on the broker; does acqd run with this meter?")
+        raise OperationError(rows.trouble or f"no power rows of {device} on the broker; does acqd run with this meter?")
     P, currents = (np.array([found[name] for found in readings.values()], dtype=float) for name in ("P", "Irms"))
     wrong = beyond_rated(P, rated_W) if rated_W is not None else None
     if expected_W is not None:

@@ -14,10 +14,11 @@ from acqd.discrepancy.regression.least_squares import Moments
 from acqd.discrepancy.regression.setup import Setup
 from acqd.errors import UserError
 from acqd.experiment.choice import chosen, d_optimal, filled
+from acqd.experiment.compared import require_known
 from acqd.experiment.contest import Cause, Contest, together
 from acqd.experiment.pieces import Piece, motion_of, pieces_of
 from acqd.experiment.planned import planned
-from acqd.experiment.question import Question, opened, question_of, recorded, require_known
+from acqd.experiment.question import Question, opened, question_of, recorded
 from acqd.experiment.space import Space
 from acqd.models.effects import library
 from acqd.motion.controller import Motion, Step

@@ -61,6 +61,11 @@ def prioritise(task: str, priority: int) -> list[str]:
     return []
 
 
-def die_with_parent() -> None:
-    """Have the kernel send SIGTERM when the parent process is gone, however it went."""
+def die_with_parent(parent: int | None = None) -> None:
+    """Have the kernel send SIGTERM when the parent process is gone, however it went.
+
+    `parent`: its process id, for a process that may have lost its parent before it came here: it ends at once.
+    """
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+    if parent is not None and os.getppid() != parent:
+        os.kill(os.getpid(), signal.SIGTERM)

@@ -128,7 +128,7 @@ def _generic_names(robot: RobotDescription) -> str:
 
 
 def _other_form(header: list[str], robot: RobotDescription) -> str:
-    """Why a header is none of a log of `robot`, where it shows what the table is instead; else empty."""
+    """What a header that no log of `robot` has shows the table to be; else empty."""
     if sum(_is_fraction(name) for name in header) > robot.axes:
         return f"holds numbers in its first line; expected a header {_generic_names(robot)} before them"
     if {"value", "_value"} & {name.lower() for name in header}:

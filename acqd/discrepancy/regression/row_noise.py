@@ -36,6 +36,7 @@ def rising_of(left: Floats, power: Floats) -> float:
 
     def surprise(log_rising: float) -> float:
         deviation = usual_noise(np.exp(log_rising), power)
+        # a fit that leaves nothing, as of rows without noise, has no logarithm
         return float(np.log(np.mean(size / deviation) + 1e-9) + np.mean(np.log(deviation)))
 
     scale = -np.log(max(float(np.mean(power**2)), 1e-12))

@@ -19,8 +19,12 @@ class GivenTorques(Effect):
     acts_on = "torque"
 
     @abstractmethod
-    def torques(self, scene: Scene) -> Sequence[Floats]:
-        """[N, axes] Nm per unit of each column, made when they are asked for where that takes long."""
+    def count(self, scene: Scene) -> int:
+        """Number of columns."""
+
+    @abstractmethod
+    def torque_of(self, scene: Scene, column: int) -> Floats:
+        """[N, axes] Nm per unit of a column; one at a time, since a search of one place asks for its columns only."""
 
     def at(self, scene: Scene, shape: Shape) -> Floats:
         """[N, k] W per unit of each column."""
@@ -28,15 +32,13 @@ class GivenTorques(Effect):
 
     def some(self, scene: Scene, shape: Shape, columns: Sequence[int] | slice) -> Floats:
         """[N, k] W per unit of chosen columns."""
-        every = self.torques(scene)
-        numbers = range(len(every))[columns] if isinstance(columns, slice) else columns
-        power = np.empty((len(scene.q), len(numbers)))
-        for out, k in zip(power.T, numbers, strict=True):
-            np.einsum("nj,nj->n", scene.power_per_torque, every[k], out=out)
+        chosen = range(self.count(scene))[columns] if isinstance(columns, slice) else columns
+        power = np.empty((len(scene.q), len(chosen)))
+        for out, column in zip(power.T, chosen, strict=True):
+            np.einsum("nj,nj->n", scene.power_per_torque, self.torque_of(scene, column), out=out)
         return power
 
     def torque(self, scene: Scene, shape: Shape, columns: Sequence[int], coefficients: Floats) -> Floats:
         """The sum of the columns' torques."""
-        every = self.torques(scene)
         pairs = zip(columns, coefficients, strict=True)
-        return np.asarray(sum((float(value) * every[column] for column, value in pairs), np.zeros_like(scene.q)))
+        return np.asarray(sum((float(value) * self.torque_of(scene, k) for k, value in pairs), np.zeros_like(scene.q)))

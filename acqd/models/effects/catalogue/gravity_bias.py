@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -71,15 +71,21 @@ class GravityBias(GivenTorques):
     }
     """
 
-    def torques(self, scene: Scene) -> Sequence[Floats]:
-        """(axes - 1) x [N, axes] Nm/kg of a weight at the described centre of mass of every link from the second on.
+    def count(self, scene: Scene) -> int:
+        """A weight on every link from the second on; of the links below the wrist a mass and two first moments, too."""
+        return scene.axes - 1 + 3 * len(_upper_links(scene.axes))
 
-        Then 3 u x [N, axes], of the u links below the wrist: Nm/kg of a mass there, and Nm/(kg m) of two first moments
-        beside the centre, across the joint's axis.
+    def torque_of(self, scene: Scene, column: int) -> Floats:
+        """[N, axes] Nm/kg of a weight or mass at the described centre of mass of a link.
+
+        Of first moments beside the centre, across the joint's axis: Nm/(kg m).
         """
         centres = link_centres(scene)
-        weights = weight_torques(scene, "weights of links", [(k, centres[k]) for k in range(1, scene.axes)])
-        return [*weights, *link_torques(scene, "masses on links", _bodies(scene.model.chain, centres))]
+        if column < scene.axes - 1:
+            points = [(k, centres[k]) for k in range(1, scene.axes)]
+            return np.asarray(weight_torques(scene, "weights of links", points)[column])
+        bodies = _bodies(scene.model.chain, centres)
+        return np.asarray(link_torques(scene, "masses on links", bodies)[column - scene.axes + 1])
 
     def places(self, scene: Scene) -> Iterator[Place]:
         """Links from the second on: a weight; below the wrist also a mass, at the centre or beside the centre."""

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from typing import overload
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -33,40 +32,24 @@ class JointZero(GivenTorques):
     exported = False
     omitted_because = "an FMU assumes joints that stand where their angles say"
 
-    def torques(self, scene: Scene) -> Sequence[Floats]:
-        """[N, axes] Nm per rad (N, m of prismatic joints) by which each joint stands beyond its logged angle."""
-        return _Shifted(scene)
+    def count(self, scene: Scene) -> int:
+        """The joints."""
+        return scene.axes
+
+    def torque_of(self, scene: Scene, column: int) -> Floats:
+        """[N, axes] Nm per rad (N, m of prismatic joints) by which a joint stands beyond its logged angle."""
+        known: dict[int, Floats] = scene.moved.setdefault("joint_zero", {})
+        if column not in known:
+            chain, links = scene.model.chain, scene.model.group("inertial")
+            step = _STEP * np.eye(scene.axes)[column]
+            after, before = (
+                joint_torque(chain, links, q, scene.qd, scene.qdd) for q in (scene.q + step, scene.q - step)
+            )
+            known[column] = (after - before) / (2 * _STEP)
+        return known[column]
 
     def places(self, scene: Scene) -> Iterator[Place]:
         """Joints one by one: which are mastered again together is a fact of the day, no law."""
         for k in range(scene.axes):
             unit = "m" if k in scene.model.layout.sliding else "rad"
             yield Place(f"joint {k + 1}", (k,), (Parameter("shift", unit, -_LARGEST, _LARGEST, _USUAL),))
-
-
-class _Shifted(Sequence[Floats]):
-    """Torques per shift, joint by joint: a search of one joint asks for that one only."""
-
-    def __init__(self, scene: Scene) -> None:
-        self._scene = scene
-        self._known: dict[int, Floats] = scene.moved.setdefault("joint_zero", {})
-
-    def __len__(self) -> int:
-        return self._scene.axes
-
-    @overload
-    def __getitem__(self, joint: int) -> Floats: ...
-    @overload
-    def __getitem__(self, joint: slice) -> Sequence[Floats]: ...
-    def __getitem__(self, joint: int | slice) -> Floats | Sequence[Floats]:
-        if isinstance(joint, slice):
-            return [self[k] for k in range(len(self))[joint]]
-        k = range(len(self))[joint]
-        if k not in self._known:
-            step = _STEP * np.eye(len(self))[k]
-            self._known[k] = (self._at(step) - self._at(-step)) / (2 * _STEP)
-        return self._known[k]
-
-    def _at(self, shift: Floats) -> Floats:
-        scene = self._scene
-        return joint_torque(scene.model.chain, scene.model.group("inertial"), scene.q + shift, scene.qd, scene.qdd)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -36,9 +36,13 @@ class Mounting(GivenTorques):
     exported = False
     omitted_because = "an FMU assumes the described mounting"
 
-    def torques(self, scene: Scene) -> Sequence[Floats]:
-        """3 x [N, axes] Nm per m/s^2 by which gravity pulls along x, y and z of the base beside the described one."""
-        return tuple(_torques(scene))
+    def count(self, scene: Scene) -> int:
+        """The axes of the base."""
+        return 3
+
+    def torque_of(self, scene: Scene, column: int) -> Floats:
+        """[N, axes] Nm per m/s^2 by which gravity pulls along x, y or z of the base beside the described one."""
+        return np.asarray(_torques(scene)[column])
 
     def places(self, scene: Scene) -> Iterator[Place]:
         """The base: tilted by a few degrees, or turned over; along the axes that some joint feels."""

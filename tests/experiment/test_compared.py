@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from acqd.discrepancy.causes.belief import OUTSIDE, Belief
-from acqd.experiment.question import beliefs
+from acqd.experiment.compared import beliefs
 
 LABELS = ["viscous_friction", "thermal_friction", OUTSIDE, OUTSIDE]
 EVIDENCE = np.array([129.0, 126.0, 123.0, 120.0])
