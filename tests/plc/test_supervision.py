@@ -8,6 +8,7 @@ import json
 import os
 import signal
 import subprocess
+import sys
 import time
 from dataclasses import asdict
 
@@ -278,3 +279,13 @@ def test_killed_during_the_first_start_it_is_started_again():
         await run.__aexit__()
 
     finish(scenario())
+
+
+def test_a_process_whose_parent_is_gone_already_ends_at_once():
+    """The kernel tells of a parent that dies after the process has asked, and of no other."""
+    late = "from acqd.plc.realtime import die_with_parent; import os; die_with_parent({}); print('lives')"
+    gone, there = (
+        subprocess.run([sys.executable, "-c", late.format(pid)], capture_output=True, text=True, check=False)
+        for pid in (2**22, os.getpid())
+    )
+    assert gone.returncode == -signal.SIGTERM and not gone.stdout and there.stdout == "lives\n"
