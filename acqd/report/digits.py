@@ -11,7 +11,10 @@ FEWEST_FOR_INTERVAL = 5
 """Recordings: resampling fewer of them says next to nothing about others."""
 _MOST_DECIMALS = 6
 _SYMBOLS = "[nµmkMGT]?(?:Wh?|VAh?|varh?|V|A|J|Hz|B|g|m|s|N|Nm|K|Ohm)"
-_UNIT_AFTER_NUMBER = re.compile(rf"(?<=\d) (?=(?:%|°C|ppm|dB|EUR|min|h|d|rad|deg|degC|{_SYMBOLS})(?!\w))")
+_UNITS_AFTER_NUMBER = re.compile(
+    rf"(?<=\d) (?:%|°C|ppm|dB|EUR|min|h|d|rad|deg|degC|{_SYMBOLS})(?!\w)(?: (?:m|s)(?:/\w+)?(?!\w))*"
+)
+"""The second factor of a product of units, too: kg m, Nm s/rad."""
 _PREFIXES = {-3: "n", -2: "µ", -1: "m", 0: "", 1: "k", 2: "M", 3: "G", 4: "T"}
 
 
@@ -69,8 +72,8 @@ def year_text(year: Mapping[str, Any]) -> str:
 
 
 def unbroken(text: str) -> str:
-    """The text with no-break spaces between numbers and their units, for HTML."""
-    return _UNIT_AFTER_NUMBER.sub("\N{NO-BREAK SPACE}", text)
+    """The text with no-break spaces between numbers and their units, and within these, for HTML."""
+    return _UNITS_AFTER_NUMBER.sub(lambda found: found[0].replace(" ", "\N{NO-BREAK SPACE}"), text)
 
 
 def counted(count: int, noun: str) -> str:

@@ -61,10 +61,16 @@ def test_no_line_ends_between_a_number_and_its_unit():
     page = Page("Units", simulated=False)
     figure = KeyFigure("error", "4.77 -> 1.34 W", "95 %: 1 to 2 W")
     page.verdict(Verdict("found", "", "0.0206 kg m in 8 recordings", [figure]))
-    page.table(["", "energy"], [["a", "20.9 kWh a year"]])
+    page.table(["", "energy"], [["a", "20.9 kWh a year"], ["b", "17.0 Nm s/rad, 3 W sum"]])
     page.detail("command", "acqd lab execute --first 3 m")
     text = whole(page).replace("\u00a0", "_")
-    for shown in ("0.0206_kg m in 8 recordings", "4.77 -&gt; 1.34_W", "95_%: 1 to 2_W", "20.9_kWh a year"):
+    for shown in (
+        "0.0206_kg_m in 8 recordings",
+        "17.0_Nm_s/rad, 3_W sum",
+        "4.77 -&gt; 1.34_W",
+        "95_%: 1 to 2_W",
+        "20.9_kWh a year",
+    ):
         assert shown in text
     assert "--first 3 m" in text  # a command is copied
 
