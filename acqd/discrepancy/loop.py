@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from acqd.arrays import Floats
 from acqd.discrepancy.ability.ability import Ability
 from acqd.discrepancy.another_time import another_time
 from acqd.discrepancy.averaging import with_like_means
@@ -53,24 +54,23 @@ def close_loop(config: CloseConfig, progress: Progress) -> Closed:
         selection = replace(selection, unknown=doubts[0])
     progress("predicting held-out recordings", 0.0)
     predictive = Predictive.of(selection, subject)
-    improved = improve(
-        subject, effects, errors_before, predictive, config.seed,
-        grown=lambda errors: usual.exceeded_by(subject.held_out, errors),
-    )  # fmt: skip
+
+    def grown(errors: list[Floats]) -> bool:
+        return usual.exceeded_by(subject.held_out, predictive.of_change(errors))
+
+    improved = improve(subject, effects, errors_before, predictive, config.seed, grown=grown)
     trial = tried(subject, selection, improved, predictive, config.seed)
-    verdict, remarks = settled(subject, selection, improved, errors_before, usual, trial)
+    verdict, remarks = settled(subject, selection, improved, predictive.of_change(errors_before), usual, trial)
     if mistimed:
         verdict, remarks = "not_identifiable", [mistimed]
     if selection.unknown is not None and verdict in ("unknown_structure", "effects_found"):
         progress("correcting the model", 0.0)
-        improved, reasons = corrected(subject, selection, improved, usual, trial)
+        improved, reasons = corrected(subject, selection, improved, trial, grown=grown(improved.errors))
         remarks = [*remarks, *reasons]
     after = quality(improved.errors)
     if after.rmse < floor_W:  # no model can be better than the noise: brakes and supplies act at rest, too
         floor_W, floor_source = after.rmse, "of the residual, which is smaller than what the power varies by at rest"
-    unexplained = largely_unexplained(
-        selection, improved, errors_before, usual, grown=usual.exceeded_by(subject.held_out, improved.errors)
-    )
+    unexplained = largely_unexplained(selection, improved, errors_before, usual, grown=grown(improved.errors))
     warnings = [
         *of_meters,
         *unexplained,

@@ -17,11 +17,13 @@ def settled(
     subject: Subject,
     selection: Selection,
     improved: Improved,
-    errors_before: list[Floats],
+    errors: list[Floats],
     usual: UsualError,
     trial: Trial | None,
 ) -> tuple[Verdict, list[str]]:
     """The verdict, and notes about it.
+
+    `errors` [T] W of the held-out segments before, without what the reference explains (ADR 110).
 
     An effect with a name is found. A structure is unknown if its law predicts recordings that took no part, with a
     smaller error in W, too, or in an error that has grown: what sessions differ by predicts pieces of the same session.
@@ -30,8 +32,8 @@ def settled(
     """
     if improved.named:
         return "effects_found", []
-    grown = usual.exceeded_by(subject.held_out, errors_before)
-    sizes = f"{rms(errors_before):.2f} W RMS, {usual.lowest_W:.2f} W in the reference"
+    grown = usual.exceeded_by(subject.held_out, errors)
+    sizes = f"{rms(errors):.2f} W RMS beyond what the reference explains, {usual.lowest_W:.2f} W there"
     if selection.unknown is not None:
         unknown = selection.unknown
         if only_beyond_reference(selection.rows, unknown.gate.open, unknown.finding, unknown.margin):

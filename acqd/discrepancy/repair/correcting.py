@@ -17,7 +17,6 @@ from acqd.discrepancy.repair.predictive import Predictive
 from acqd.discrepancy.repair.refit import groups_of, refitted_to_rest
 from acqd.discrepancy.repair.terms import Reported, scaled
 from acqd.discrepancy.repair.torque_scale import TorqueScale, torque_scale
-from acqd.discrepancy.repair.usual_error import UsualError
 from acqd.discrepancy.selection.accepted import Selection, unnamed
 from acqd.discrepancy.thresholds.chance import by_chance
 from acqd.models.augmented import Augmented, Term
@@ -68,11 +67,12 @@ def tried(
 
 
 def corrected(
-    subject: Subject, selection: Selection, improved: Improved, usual: UsualError, trial: Trial | None
+    subject: Subject, selection: Selection, improved: Improved, trial: Trial | None, *, grown: bool
 ) -> tuple[Improved, list[str]]:
     """The model with the law that its error follows, and notes if the law is left out.
 
-    Like effects, the law must predict the held-out recordings better, and reduce the error in W.
+    `grown`: whether the error is larger than those of the reference. Like effects, the law must predict the held-out
+    recordings better, and reduce the error in W.
     """
     unknown = selection.unknown
     if unknown is None:
@@ -82,7 +82,7 @@ def corrected(
         return improved, [f"{what} cannot be predicted from the motion: the model is not corrected"]
     if trial is None:
         return improved, [f"{what} has no size beside the model's own parameters: the model is not corrected"]
-    if not trial.predicts and not usual.exceeded_by(subject.held_out, improved.errors):
+    if not trial.predicts and not grown:
         return improved, [f"{what} is in an error that has not grown: the model is not corrected"]
     if trial.gain_W <= 0 or trial.log_gain <= 0:
         return improved, [f"a correction by {what} does not help on held-out recordings: not added"]

@@ -144,9 +144,17 @@ class Predictive:
         """
         if self.load is None:
             return errors
-        lacks = [np.zeros(1)] * len(errors) if self.beside is None else self.beside.given(())[0]
-        power = self.load.power([own - more for own, more in zip(errors, lacks, strict=True)])
+        power = self.load.power(self.of_change(errors))
         return [own - on for own, on in zip(errors, power, strict=True)]
+
+    def of_change(self, errors: list[Floats]) -> list[Floats]:
+        """Errors [T] W of the held-out segments without what the base model lacks in this motion by the reference.
+
+        A model that has seen one programme is more wrong in another, although nothing has changed.
+        """
+        if self.beside is None:
+            return errors
+        return [own - more for own, more in zip(errors, self.beside.given(())[0], strict=True)]
 
     def density(self, errors: list[Floats], effects: Collection[tuple[str, str]]) -> float:
         """Twice the log predictive density of errors [T] W of segments, up to a constant.

@@ -13,7 +13,6 @@ from acqd.discrepancy.repair.law_fit import fit_law
 from acqd.discrepancy.repair.predictive import Predictive
 from acqd.discrepancy.repair.terms import reported, scaled
 from acqd.discrepancy.repair.torque_scale import TorqueScale
-from acqd.discrepancy.repair.usual_error import UsualError
 from acqd.discrepancy.selection.accepted import Unknown
 from acqd.discrepancy.selection.ranking import Finding
 from acqd.fmu.variables import parameters_of
@@ -89,7 +88,7 @@ def correct(subject, selection):
     errors = errors_of(subject.model, subject.held_out)
     improved = Improved(subject.model, (), errors)
     trial = tried(subject, selection, improved, Predictive.of(selection, subject), 1)
-    return corrected(subject, selection, improved, UsualError.of(subject, 0.5), trial)
+    return corrected(subject, selection, improved, trial, grown=True)
 
 
 @pytest.mark.slow
@@ -173,7 +172,7 @@ def test_a_law_is_corrected_beside_a_named_effect(robot):
     predictive = Predictive.of(selection, subject)
     improved = improve(subject, [friction], errors_of(model, held_out), predictive, 1, grown=lambda _: True)
     trial = tried(subject, selection, improved, predictive, 1)
-    better, notes = corrected(subject, selection, improved, UsualError.of(subject, 0.5), trial)
+    better, notes = corrected(subject, selection, improved, trial, grown=True)
     assert not notes and better.correction.follows == "a torque that depends on the angle of joint 3"
     assert [term.id for term in better.terms] == ["coulomb_friction", "torque_of_angle"]
     assert rms(better.errors) < 1.5 * rms(errors_of(model, reference)) < 0.5 * rms(improved.errors)

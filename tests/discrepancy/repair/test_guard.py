@@ -11,6 +11,7 @@ from acqd.discrepancy.repair.guard import improve
 from acqd.discrepancy.repair.predictive import Predictive
 from acqd.discrepancy.repair.terms import reported
 from acqd.discrepancy.repair.torque_scale import TorqueScale
+from acqd.discrepancy.repair.usual_error import UsualError
 from acqd.models.augmented import Augmented
 from acqd.models.effects.scene import segment_scene
 from acqd.residual.residuals import errors_of
@@ -55,6 +56,19 @@ def test_a_base_model_that_is_wrong_in_another_motion_decides_little(robot):
     assert gain < 0.2 * plain_gain
     loaded = errors_of(Augmented.of(model, model, [payload.term]), held_out)
     assert predictive.density(loaded, {("payload", payload.term.where)}) - predictive.density(errors, ()) > 2 * gain
+
+
+@pytest.mark.parametrize(("added", "grown"), [(rubbing, False), (loaded_and_rubbing, True)])
+def test_errors_have_not_grown_where_the_reference_explains_them_in_faster_motion(robot, added, grown):
+    model = grey()
+    reference = [recording(model, k, rubbing, seed=1, slower=2.5) for k in range(6)]
+    segments = [recording(model, k, added, seed=2, start_s=1e9 + 5000) for k in range(6)]
+    fit, held_out = segments[:4], segments[4:]
+    _, selection = selected(model, robot, fit, reference, {"coulomb_friction", "viscous_friction"})
+    subject = subject_of(robot, model, model, fit, held_out, reference)
+    usual, errors = UsualError.of(subject, 0.5), errors_of(model, held_out)
+    assert usual.exceeded_by(held_out, errors)
+    assert usual.exceeded_by(held_out, Predictive.of(selection, subject).of_change(errors)) == grown
 
 
 def test_what_predicts_better_and_does_not_reduce_the_error_is_reported_and_not_added(monkeypatch):
