@@ -30,7 +30,7 @@ from acqd.sources import ChannelMap, ReplaySource, Waveform, load_waveform
 from acqd.sources.recording.wired import wired
 from acqd.sources.spec import replay_spec
 from acqd.telemetry.mqtt import BrokerAddress
-from acqd.telemetry.quality_row import quality_lines
+from acqd.telemetry.quality_row import QualityRow, quality_lines
 from acqd.telemetry.row import json_lines, rows_of
 
 _Taker: TypeAlias = Callable[[SampleBlock], None]
@@ -161,6 +161,7 @@ class _Run:
         else:
             meter = self._at_full_speed(waveform, take)
         self._report.unused_samples += meter.finish()
+        self._put_quality(self._quality.finish())
         if self._events is not None:
             self._report.events = self._events.finish()
         if batches:
@@ -214,7 +215,7 @@ class _Run:
             takers.append(AggregateFile(self.values_out, form, settings.device, settings.nominal_voltage).take)
         if self.quality_out is not None:
             self._quality.open(form)
-            takers.append(self._write_quality)
+            takers.append(self._take_quality)
         if self.events_out is not None and settings.events is not None:
             first = self._report.events
             self._events = EventWriter(settings.events, form, settings.device, self._boot, self.events_out, first)
@@ -236,6 +237,9 @@ class _Run:
 
         return watch
 
-    def _write_quality(self, block: SampleBlock) -> None:
-        assert self.quality_out is not None
-        self.quality_out.write(quality_lines(self._quality.take(block)))
+    def _take_quality(self, block: SampleBlock) -> None:
+        self._put_quality(self._quality.take(block))
+
+    def _put_quality(self, rows: list[QualityRow]) -> None:
+        if self.quality_out is not None:
+            self.quality_out.write(quality_lines(rows))

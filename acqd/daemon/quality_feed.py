@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from itertools import chain
 from typing import TypeAlias
 
 from acqd.daemon.quality_section import QualitySection
 from acqd.metering import SampleBlock, StreamFormat
+from acqd.metering.gathered import Gathered
 from acqd.metering.quality.flicker_values import FlickerValues
 from acqd.metering.quality.meter import QualityMeter
 from acqd.metering.quality.quantities import OFF_NOMINAL
@@ -22,6 +23,8 @@ DeliverQuality: TypeAlias = Callable[[list[QualityRow]], None]
 
 UNDEFINED = "power quality, events and flicker are defined for 50 and 60 Hz (IEC 61000-4-30); meter without them"
 """Why mains of other frequencies have none."""
+_GATHERED_S = 0.2
+"""Of samples that are metered together: about an interval."""
 
 
 class QualityFeed:
@@ -43,6 +46,7 @@ class QualityFeed:
         self._device, self._declared, self._boot = device, declared_voltage, boot
         self._meter: QualityMeter | None = None
         self._flicker: FlickerValues | None = None
+        self._gathered = Gathered(0)
         self._seq = 0
         self._off_nominal = False  # whether the log says so
 
@@ -52,9 +56,20 @@ class QualityFeed:
             form, declared_voltage=self._declared, options=self._section.options(self._responses(form))
         )
         self._flicker = FlickerValues(form, self._declared) if self._section.flicker else None
+        self._gathered = Gathered(round(_GATHERED_S * form.rate))
 
     def take(self, block: SampleBlock) -> list[QualityRow]:
-        """Rows that the block completes."""
+        """Rows that the block completes; they may come a fifth of a second later."""
+        return self._rows(self._gathered.add(block))
+
+    def finish(self) -> list[QualityRow]:
+        """Rows that the last samples complete: no more will come."""
+        return self._rows(self._gathered.rest())
+
+    def _rows(self, blocks: Iterable[SampleBlock]) -> list[QualityRow]:
+        return [row for block in blocks for row in self._of_block(block)]
+
+    def _of_block(self, block: SampleBlock) -> list[QualityRow]:
         assert self._meter is not None
         rows: list[QualityRow] = []
         flicker = self._flicker.feed(block) if self._flicker is not None else ()

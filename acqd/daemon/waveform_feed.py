@@ -34,6 +34,7 @@ from acqd.plc.realtime import prioritise
 from acqd.plc.recent import SampledWindow
 from acqd.sources.waveform import Waveform
 from acqd.telemetry.last_rows import Known
+from acqd.telemetry.quality_row import QualityRow
 from acqd.telemetry.row import rows_of
 from acqd.telemetry.spool import Energy, Readings
 from acqd.telemetry.summary import Summariser
@@ -146,6 +147,8 @@ class WaveformFeed:
         finally:
             if self._events is not None:
                 self._events.finish()
+            if self._quality is not None:
+                self._put_quality(self._quality.finish())
             if self._track is not None:
                 self._track.finish()
 
@@ -318,5 +321,9 @@ class WaveformFeed:
                 _log.info("wiring%s: nothing is wrong any more", self._of)
         if self._events is not None:
             self._events.feed(block)
-        if self._quality is not None and self._deliver_quality is not None and (rows := self._quality.take(block)):
+        if self._quality is not None:
+            self._put_quality(self._quality.take(block))
+
+    def _put_quality(self, rows: list[QualityRow]) -> None:
+        if rows and self._deliver_quality is not None:
             self._deliver_quality(rows)

@@ -86,6 +86,8 @@ class Delivery:
             self._together = sum(
                 [row.seq == rows[0].seq and row.stream.device == rows[0].stream.device for row in rows]
             )
+        # `room` hears acknowledgements: before the rows wait, so that none of these wakes the connector for them.
+        room = 0 if self._line is None or self._silent else self._line.room().messages
         at_end = self._position == self.spool.end
         self._devices.update([row.stream.device for row in rows])
         kept = self.spool.append(rows, readings)
@@ -93,7 +95,10 @@ class Delivery:
             self._live += rows
             if at_end:
                 self._position = self.spool.end
-            if self._sent_at_once():
+            if self._line is not None and 0 < len(self._live) <= room:  # without a turn of the event loop in between
+                at_once = list(self._live)
+                self._live.clear()
+                self._line.send(self._messages(at_once))
                 return
         elif self._live:
             self._live.clear()
@@ -101,16 +106,6 @@ class Delivery:
         if kept:
             self._unsent.add(rows)
         self._changed.set()
-
-    def _sent_at_once(self) -> bool:
-        """Send new rows if the connection takes them all: without a turn of the event loop in between."""
-        line = self._line
-        if line is None or self._silent or not 0 < len(self._live) <= line.room().messages:
-            return False
-        rows = list(self._live)
-        self._live.clear()
-        line.send(self._messages(rows))
-        return True
 
     def put_state(self, topic: str, payload: bytes) -> None:
         """Publish a retained message; an older one of the same topic that still waits is replaced."""

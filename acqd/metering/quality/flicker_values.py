@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from math import ceil
 
 import numpy as np
 
 from acqd.metering.block import SampleBlock, StreamFormat
+from acqd.metering.gathered import Gathered
 from acqd.metering.quality.flicker import FlickerMeter
 from acqd.metering.quality.lamp import LampName
 from acqd.metering.quality.severity import LongTerm, Severity
@@ -23,31 +24,20 @@ def lamp_of(declared_voltage: float) -> LampName:
 
 
 class FlickerValues:
-    """Collects a second of samples before it filters them: short blocks cost more than their samples."""
+    """Filters a second of samples at a time."""
 
     def __init__(self, form: StreamFormat, declared_voltage: float) -> None:
         self._form = form
         self._meter, self._long = FlickerMeter(form, lamp_of(declared_voltage)), LongTerm()
-        self._waiting: list[SampleBlock] = []
-        self._count = 0
+        self._gathered = Gathered(ceil(form.rate))
 
     def feed(self, block: SampleBlock) -> Iterator[QualityValues]:
         """Values that `block` completes."""
-        if self._waiting and ("clock_step" in block.flags or block.index != self._waiting[0].index + self._count):
-            yield from self._filter()
-        self._waiting.append(block)
-        self._count += len(block.codes)
-        if self._count >= self._form.rate:
-            yield from self._filter()
-
-    def _filter(self) -> Iterator[QualityValues]:
-        blocks, self._waiting, self._count = self._waiting, [], 0
-        flags = frozenset().union(*(block.flags for block in blocks))
-        joined = replace(blocks[0], codes=np.concatenate([block.codes for block in blocks]), flags=flags)
-        for short in self._meter.feed(joined):
-            yield self._values("Pst", short)
-            if (long := self._long.take(short)) is not None:
-                yield self._values("Plt", long)
+        for second in self._gathered.add(block):
+            for short in self._meter.feed(second):
+                yield self._values("Pst", short)
+                if (long := self._long.take(short)) is not None:
+                    yield self._values("Plt", long)
 
     def _values(self, kind: Kind, severity: Severity) -> QualityValues:
         return QualityValues(
