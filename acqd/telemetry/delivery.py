@@ -332,8 +332,7 @@ class Delivery:
     def _messages(self, rows: Sequence[SpooledRow]) -> list[Message]:
         now = self._now()
         self._watch.sending()
-        for stream, seq, _ in rows:
-            self._flying.add(stream, seq, now)
+        self._flying.add(rows, now)
         if self._unsent:
             self._unsent.publish(rows)
         self.sent += len(rows)

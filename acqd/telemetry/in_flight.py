@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from acqd.telemetry.ranges import Ranges
-from acqd.telemetry.spool import Stream
+from acqd.telemetry.spool import SpooledRow, Stream
 
 _TOGETHER_S = 1.0
 _MOST_GROUPS = 64
@@ -20,6 +21,14 @@ class _Group:
     last: float
     rows: dict[Stream, Ranges] = field(default_factory=dict)
 
+    def remove(self, stream: Stream, first: int, last: int) -> int:
+        """Rows first..last of a stream are under way no more; how many of them were."""
+        rows = self.rows.get(stream)
+        removed = 0 if rows is None else rows.remove(first, last)
+        if removed and not rows:
+            del self.rows[stream]
+        return removed
+
 
 class InFlight:
     """Memory is bounded: in a long silence, the oldest groups become one."""
@@ -31,22 +40,23 @@ class InFlight:
         self.settled_sent = 0.0
         """When the oldest of the rows that were settled last had been sent (monotonic) [s]."""
 
-    def add(self, stream: Stream, seq: int, now: float) -> None:
-        """The row was sent at `now` (monotonic) [s]."""
-        rows = self._rows.get(stream)
-        if rows is None:
-            rows = self._rows[stream] = Ranges()
-        self._count += rows.add(seq, seq)
+    def add(self, rows: Sequence[SpooledRow], now: float) -> None:
+        """The rows were sent at `now` (monotonic) [s]."""
+        if not rows:
+            return
         if not self._groups or now - self._groups[-1].begun > _TOGETHER_S:
             self._groups.append(_Group(now, now))
             if len(self._groups) > _MOST_GROUPS:
                 self._join_oldest()
-        group = self._groups[-1]
-        group.last = now
-        sent = group.rows.get(stream)
-        if sent is None:
-            sent = group.rows[stream] = Ranges()
-        sent.add(seq, seq)
+        group, under_way = self._groups[-1], self._rows
+        group.last, sent = now, group.rows
+        for stream, seq, _ in rows:
+            if stream not in under_way:
+                under_way[stream] = Ranges()
+            self._count += under_way[stream].add(seq, seq)
+            if stream not in sent:
+                sent[stream] = Ranges()
+            sent[stream].add(seq, seq)
 
     def settle(self, stream: Stream, first: int, last: int) -> int:
         """Rows first..last need not be sent again; how many of them were under way."""
@@ -54,16 +64,15 @@ class InFlight:
         settled = rows.remove(first, last) if rows is not None else 0
         if settled:
             self._count -= settled
-            times = [
-                group.last for group in self._groups if stream in group.rows and group.rows[stream].remove(first, last)
-            ]
+            times = [group.last for group in self._groups if group.remove(stream, first, last)]
             self.settled_sent = times[0]
+            while self._groups and not self._groups[0].rows:
+                self._groups.popleft()
         return settled
 
     def oldest_s(self, now: float) -> float:
         """Time since the oldest row under way was sent, to within the second of its group; 0: none is [s]."""
-        lasts = (group.last for group in self._groups if any(len(rows) for rows in group.rows.values()))
-        return max(0.0, now - next(lasts, now))
+        return max(0.0, now - self._groups[0].last) if self._groups else 0.0
 
     def overdue(self, now: float, patience_s: float) -> int:
         """Forget rows that were sent longer ago than `patience_s`; how many, so that they are sent again."""
