@@ -23,7 +23,7 @@ DeliverQuality: TypeAlias = Callable[[list[QualityRow]], None]
 
 UNDEFINED = "power quality, events and flicker are defined for 50 and 60 Hz (IEC 61000-4-30); meter without them"
 """Why mains of other frequencies have none."""
-_GATHERED_S = 0.2
+GATHERED_S = 0.2
 """Of samples that are metered together: about an interval."""
 
 
@@ -56,7 +56,7 @@ class QualityFeed:
             form, declared_voltage=self._declared, options=self._section.options(self._responses(form))
         )
         self._flicker = FlickerValues(form, self._declared) if self._section.flicker else None
-        self._gathered = Gathered(round(_GATHERED_S * form.rate))
+        self._gathered = Gathered(round(GATHERED_S * form.rate))
 
     def take(self, block: SampleBlock) -> list[QualityRow]:
         """Rows that the block completes; they may come a fifth of a second later."""

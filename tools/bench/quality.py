@@ -9,7 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from acqd.daemon.quality_feed import GATHERED_S
 from acqd.metering import Meter, SampleBlock, StreamFormat
+from acqd.metering.gathered import Gathered
 from acqd.metering.quality.components import unbalance
 from acqd.metering.quality.detector import EventDetector
 from acqd.metering.quality.flicker_values import FlickerValues
@@ -175,9 +177,14 @@ def cost(seconds: int = 20) -> Iterator[Figure]:
     section = f"live cost of three phases at 20 kHz, {seconds} s in blocks of 40 ms, median second"
     wave = hard_mains(50.02, 3, float(seconds + _WARM_S))
     theirs = "pqopen-lib: harmonics, unbalance"
+    meter, gathered = QualityMeter(wave.form), Gathered(round(GATHERED_S * RATE))  # as the daemon does
+
+    def quality_of(block: SampleBlock) -> list[QualityValues]:
+        return [values for joined in gathered.add(block) for values in meter.feed(joined)]
+
     meters: dict[str, Callable[[SampleBlock], object]] = {
         "rows": Meter(wave.form).feed,
-        "harmonics, interharmonics, unbalance": QualityMeter(wave.form).feed,
+        "harmonics, interharmonics, unbalance": quality_of,
         "events": EventDetector(wave.form, Declared(230.0)).feed,
         "flicker": FlickerValues(wave.form, 230.0).feed,
         theirs: _Pqopen().feed,
