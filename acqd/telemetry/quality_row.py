@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, fields
+from math import isfinite
 from typing import Annotated, Any, Literal
 
 import msgspec
@@ -123,7 +124,9 @@ def quality_lines(rows: Iterable[QualityRow]) -> bytes:
 def quality_rows(values: QualityValues, device: str, boot: str, seq: int) -> Iterator[QualityRow]:
     """Rows of one value: L1, L2, L3 and, with more than one phase, total; of "10s" the total (or L1) only."""
     phases = len(values.phase_flags)
-    columns = {name: _listed(value) if name in LISTS else _numbers(value) for name, value in values.phase.items()}
+    columns: dict[str, list[Any]] = {
+        name: _listed(value) if name in LISTS else _numbers(value.tolist()) for name, value in values.phase.items()
+    }
     for k in range(phases if columns else 0):
         flags = values.flags | values.phase_flags[k]
         yield _row(values, device, CHANNELS[k], boot, seq, flags, _of_phase(columns, k))
@@ -154,7 +157,7 @@ def _of_phase(columns: dict[str, list[Any]], k: int) -> dict[str, Any]:
 
 def _of_system(values: QualityValues) -> dict[str, Any]:
     system = values.system
-    row: dict[str, Any] = {name: _known(value) for name, value in system.items()}
+    row: dict[str, Any] = dict(zip(system, _numbers(system.values()), strict=True))
     row["rotation"] = _ROTATIONS.get(system.get("rotation", math.nan))
     row["PF"] = _power_factor(row["P"], row["S"])
     row["PFe"] = _power_factor(row["P"], row.get("Se"))
@@ -167,18 +170,18 @@ def _power_factor(P: float | None, S: float | None) -> float | None:
 
 
 def _known(value: float) -> float | None:
-    return value if math.isfinite(value) else None
+    return value if isfinite(value) else None
 
 
-def _numbers(values: np.ndarray) -> list[float | None]:
-    return [*map(_known, values.tolist())]
+def _numbers(values: Iterable[float]) -> list[float | None]:
+    return [value if isfinite(value) else None for value in values]
 
 
 def _listed(values: np.ndarray) -> list[list[float | None]]:
     """Lists of each phase, rounded."""
     rounded = np.round(values, _DECIMALS)
     lists = rounded.tolist()
-    return lists if np.isfinite(rounded).all() else [[*map(_known, each)] for each in lists]
+    return lists if np.isfinite(rounded).all() else [*map(_numbers, lists)]
 
 
 def from_kind(shortest: Kind) -> frozenset[Kind]:

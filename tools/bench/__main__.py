@@ -50,6 +50,7 @@ _SECTIONS: dict[str, list[Callable[[], Iterator[Figure]]]] = {
     "speed": [speed.pqopen, speed.kernel, speed.replay, speed.main_slow],
     "live": [live.daemon, live.from_file, live.jitter],
     "boxes": [live.boxes],
+    "everything": [live.everything],
     "archive": [archive.cost, archive.again],
     "busy": [live.busy],
     "sources": [sources.sources],

@@ -25,6 +25,7 @@ import aiomqtt
 import numpy as np
 import psutil
 
+from tools.bench.quality import pqopen_share
 from tools.bench.report import Figure
 from tools.bench.waves import SCALE, hard_mains
 from tools.common.commands import acqd_command, acqd_json
@@ -34,6 +35,13 @@ _SECONDS = 30.0
 _PARTS, _PART_S = 3, 20.0
 _WARM_UP_S = 6.0
 _BUSY_S = 600.0
+_EVERYTHING = """[quality]
+enabled = true
+flicker = true
+interharmonic_groups = true
+[events]
+enabled = true
+"""
 
 
 def daemon() -> Iterator[Figure]:
@@ -60,9 +68,60 @@ def boxes() -> Iterator[Figure]:
         with tempfile.TemporaryDirectory() as folder:
             source = f'kind = "replay"\nfile = "{_codes(folder)}"\nloops = 0\n'
             tables = "".join(f'[[source]]\ndevice = "box-{k}"\n{source}' for k in range(count))
-            name = "1 box" if count == 1 else f"{count} boxes"
-            section = f"acqd run, {name} of three phases from a file, MAIN_FAST at 10 ms, a message for each window"
+            section = (
+                f"acqd run, {_boxes(count)} of three phases from a file, MAIN_FAST at 10 ms, a message for each window"
+            )
             yield from _daemon(section, tables, target, "window", memory)
+
+
+def everything() -> Iterator[Figure]:
+    """Rows alone, then power quality, flicker and events as well; one box, then eight; rows go into a sink's SQL.
+
+    The daemons take turns, so that other work of the computer hits all.
+    """
+    for count, target in ((1, "<= 4"), (8, "<= 20")):
+        section = (
+            f"acqd run with everything, {_boxes(count)} of three phases from a file, MAIN_FAST at 10 ms, with a sink"
+        )
+        spent: dict[str, list[float]] = {"rows alone": [], "everything": []}
+        for _ in range(_PARTS):
+            spent["rows alone"].append(_with_a_sink(count, ""))
+            spent["everything"].append(_with_a_sink(count, _EVERYTHING))
+        middle = {name: statistics.median(each) for name, each in spent.items()}
+        for name, percent in middle.items():
+            yield Figure(section, f"CPU of the daemon, {name}", percent, "%", target if name == "everything" else "")
+        ratio = statistics.median(b / a for a, b in zip(*spent.values(), strict=True))
+        yield Figure(section, "everything over rows alone", ratio, "")
+        more = statistics.median(b - a for a, b in zip(*spent.values(), strict=True)) / count
+        peer = statistics.median(pqopen_share() for _ in range(_PARTS))
+        yield Figure(section, "what a box adds, over pqopen-lib's harmonics and unbalance", more / peer, "")
+        yield Figure(section, "load of the machine at the end", os.getloadavg()[0], "")
+
+
+def _with_a_sink(boxes: int, tables: str) -> float:
+    """CPU of a daemon's processes [% of a core] while a sink receives what the daemon publishes."""
+    with mosquitto() as port, tempfile.TemporaryDirectory() as folder:
+        source = f'kind = "replay"\nfile = "{_codes(folder)}"\nloops = 0\nperiod_ms = 10\nnominal_voltage = 230.0\n'
+        each = [f'[[source]]\ndevice = "box-{k}"\n{source}' for k in range(boxes)]
+        config = Path(folder) / "acqd.toml"
+        config.write_text(
+            f'state_dir = "{folder}/state"\n{"".join(each)}{tables}[mqtt]\nport = {port}\nrows = "window"\n'
+            f'[sink]\ndatabase = "sqlite:///{folder}/rows.sqlite"\n'
+        )
+        commands = [acqd_command(name, "--config", config) for name in ("sink", "run")]
+        sink, daemon = (
+            subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) for command in commands
+        )
+        try:
+            time.sleep(_WARM_UP_S + boxes)
+            before, begun = _cpu(daemon.pid), time.monotonic()
+            time.sleep(_PART_S)
+            after, seconds = _cpu(daemon.pid), time.monotonic() - begun
+        finally:
+            for process in (daemon, sink):
+                process.terminate()
+                process.wait(10)
+    return (sum(after.values()) - sum(before.values())) / seconds * 100
 
 
 def busy(seconds: float = _BUSY_S) -> Iterator[Figure]:
@@ -115,6 +174,10 @@ async def _stopped_in_between(pid: int, port: int, seconds: float) -> list[dict[
                 break
     await stopping
     return rows
+
+
+def _boxes(count: int) -> str:
+    return "1 box" if count == 1 else f"{count} boxes"
 
 
 def _codes(folder: str) -> Path:

@@ -206,6 +206,16 @@ def cost(seconds: int = 20) -> Iterator[Figure]:
     yield Figure(section, "the same over pqopen-lib's harmonics and unbalance", whole / shares[theirs], "", "<= 0.333")
 
 
+def pqopen_share(seconds: int = 5) -> float:
+    """CPU of pqopen-lib's harmonics and unbalance of three phases, in blocks of 40 ms [% of a core]."""
+    wave, peer, spent = hard_mains(50.02, 3, float(seconds + _WARM_S)), _Pqopen(), 0.0
+    for start in range(0, len(wave.codes), 800):
+        begun = time.process_time()
+        peer.feed(SampleBlock(wave.codes[start : start + 800], start, 0))
+        spent += (time.process_time() - begun) * (start >= _WARM_S * RATE)
+    return 100 * spent / seconds
+
+
 def beside() -> Iterator[Figure]:
     """An interharmonic of positive sequence, the worst case: what it does to f, and whether that is flagged.
 

@@ -131,11 +131,13 @@ def _fit(phases: Floats, cycles: int) -> tuple[float, float, float]:
     """Slope [rad/cycle] and curvature [rad/cycle^2] of the parabola a + b m + c m^2, and the jump [rad]."""
     inverse, design = _parabola(cycles)
     plain = inverse @ phases
-    rest = float(((phases - design @ plain) ** 2).sum())
+    off = phases - design @ plain
+    rest = float(off @ off)
     best = (float(plain[1]), float(plain[2]), 0.0)
     least = rest / _CLEARER
     inverses, left = _with_jump(cycles)
-    squares = np.square(left @ phases).sum(axis=1)
+    off = left @ phases
+    squares = np.einsum("kc,kc->k", off, off)
     for k in np.flatnonzero(squares < least).tolist():
         values = inverses[k] @ phases
         step = float(values[3])

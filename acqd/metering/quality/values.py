@@ -100,7 +100,7 @@ class QualityValues:
         """Those of `phase`, those of `system`, f and its rate of change in a row: made once for all aggregates."""
         if self._numbers is None:
             ends = [*self.system.values(), self.f, self.rocof]
-            row = np.concatenate([*(value.ravel() for value in self.phase.values()), ends])
+            row = np.concatenate((*self.phase.values(), ends), axis=None)
             object.__setattr__(self, "_numbers", row)
         assert self._numbers is not None
         return self._numbers
