@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import cmath
+import math
 from collections import deque
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +24,7 @@ class CycleSideband:
     def __init__(self, f_nominal: float) -> None:
         self._sideband = Sideband(1 / f_nominal, (*LENGTHS, 2 * LENGTHS[-1]))
         self._last: NDArray[np.complex128] | None = None  # [phases]
+        self._last_power = 0.0
         self._f: deque[float] = deque(maxlen=_INTERVALS)
         self._magnitude: deque[float] = deque(maxlen=_INTERVALS)
         self._onset = Onset(SPREAD, _INTERVALS, FASTEST * f_nominal / 10)
@@ -44,18 +48,19 @@ class CycleSideband:
         if phasors is None or jumps:
             return False
         # To the phases that cycles of the interval's own f have: it ends where the next one begins.
-        middles = np.arange(phasors.shape[1]) + 0.5
-        phasors = phasors * np.exp(2j * np.pi * (fit.trial / fit.f - 1) * middles)
+        turn = 2 * math.pi * (fit.trial / fit.f - 1)
+        turns = (np.diff(fit.phases) + turn).tolist()
+        power = (phasors.real * phasors.real + phasors.imag * phasors.imag).sum(axis=0).tolist()
         if self._last is not None:
-            phasors = np.concatenate((self._last[:, None], phasors), axis=1)
-        self._last = phasors[:, -1]
-        turned = (phasors[:, :-1].conj() * phasors[:, 1:]).sum(axis=0)
-        turns = np.arctan2(turned.imag, turned.real)
-        power = (phasors.real * phasors.real + phasors.imag * phasors.imag).sum(axis=0)
-        f = fit.f * (1 + turns / (2 * np.pi))
-        magnitude = np.sqrt((power[:-1] + power[1:]) / 2)
+            between = complex(np.vdot(self._last, phasors[:, 0])) * cmath.rect(1.0, turn / 2)
+            turns.insert(0, cmath.phase(between))
+            power.insert(0, self._last_power)
+        self._last = phasors[:, -1] * cmath.rect(1.0, turn * (phasors.shape[1] - 0.5))
+        self._last_power = power[-1]
+        f = [fit.f * (1 + each / (2 * math.pi)) for each in turns]
+        magnitude = [math.sqrt((one + other) / 2) for one, other in pairwise(power)]
         self._f.append(fit.f)
-        self._magnitude.append(float(magnitude.mean()))
-        moved = self._sideband.note_all(f.tolist(), magnitude.tolist())
+        self._magnitude.append(sum(magnitude) / len(magnitude))
+        moved = self._sideband.note_all(f, magnitude)
         self._onset.note(max(self._f) - min(self._f), self._f, self._magnitude, explained=moved)
         return moved

@@ -9,7 +9,7 @@ jump does not move f.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
@@ -49,6 +49,8 @@ class CycleFit:
     """[phases, cycles] RMS, against a cosine of the last trial f that begins with the interval."""
     trial: float = np.nan
     """Hz: this f."""
+    phases: Floats = field(default_factory=lambda: np.empty(0))
+    """[cycles] rad: of all phases of the system together, against the first cycle, unwrapped."""
 
     @property
     def credible(self) -> bool:
@@ -78,7 +80,7 @@ def fit_cycles(u: Floats, start: float, f: float, rate: float, cycles: int, dead
         correction = slope * f / (2 * np.pi)
         beat = abs(float(_slope_with_beat(cycles) @ phases) - slope) * f / (2 * np.pi)
         rocof, beats = 2 * curve * f * f / (2 * np.pi), not jump and beat > BEAT
-        found = CycleFit(f + correction, rocof, jump, beats, phasors, f)
+        found = CycleFit(f + correction, rocof, jump, beats, phasors, f, phases)
         f += correction
         if abs(correction) < _CLOSE:
             break
