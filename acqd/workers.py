@@ -5,9 +5,10 @@ from __future__ import annotations
 import multiprocessing
 import os
 import secrets
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from typing import Any, TypeVar
 
 from acqd.errors import OperationError, UserError
@@ -27,22 +28,51 @@ def run_here(work: Callable[[Task], Any], tasks: list[Task], jobs: int, tick: Ca
 
     Raises OperationError when a worker process was killed.
     """
-    context = multiprocessing.get_context("spawn")  # no threads, locks or database handles inherited
-    with ProcessPoolExecutor(min(jobs, len(tasks)), context, initializer=die_with_parent) as pool:
+    with _pool(min(jobs, len(tasks))) as pool:
         waiting: set[Future[Any]] = {pool.submit(work, task) for task in tasks}
-        try:
+        with _cancelled_at_end(waiting):
             while waiting:
-                done, waiting = wait(waiting, _TICK_S, FIRST_COMPLETED)
+                done, _ = wait(waiting, _TICK_S, FIRST_COMPLETED)
+                waiting -= done
                 tick()
                 for future in done:
                     yield future.result()
-        except BrokenProcessPool:
-            raise OperationError(
-                "a worker process was killed (out of memory?); run the same command again to continue"
-            ) from None
-        finally:
-            for future in waiting:
-                future.cancel()
+
+
+def run_here_as_well(work: Callable[[Task], Any], tasks: list[Task], jobs: int) -> Iterator[Any]:
+    """As `run_here`, but one of the `jobs` (two or more) is this process: for tasks that take about as long as a
+    process takes to start.
+    """
+    with _pool(min(jobs, len(tasks)) - 1) as pool:
+        waiting: dict[Future[Any], Task] = {pool.submit(work, task): task for task in tasks}
+        with _cancelled_at_end(waiting):
+            while waiting:
+                free = next((future for future in waiting if future.cancel()), None)
+                if free is not None:
+                    yield work(waiting.pop(free))
+                done, _ = wait(waiting, None if free is None else 0.0, FIRST_COMPLETED)
+                for future in done:
+                    del waiting[future]
+                    yield future.result()
+
+
+def _pool(processes: int) -> ProcessPoolExecutor:
+    context = multiprocessing.get_context("spawn")  # no threads, locks or database handles inherited
+    return ProcessPoolExecutor(processes, context, initializer=die_with_parent)
+
+
+@contextmanager
+def _cancelled_at_end(waiting: Iterable[Future[Any]]) -> Iterator[None]:
+    """Raises OperationError where a worker process was killed."""
+    try:
+        yield
+    except BrokenProcessPool:
+        raise OperationError(
+            "a worker process was killed (out of memory?); run the same command again to continue"
+        ) from None
+    finally:
+        for future in waiting:
+            future.cancel()
 
 
 def run_in_turn(work: Callable[[Task], Any], tasks: list[Task], tick: Callable[[], None]) -> Iterator[Any]:

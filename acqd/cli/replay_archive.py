@@ -20,7 +20,7 @@ from acqd.daemon.archive.rows import Remade, Task, remake
 from acqd.daemon.output_file import output_file
 from acqd.errors import OperationError
 from acqd.timestamps import rfc3339
-from acqd.workers import run_here
+from acqd.workers import run_here_as_well
 
 _FEW = 3
 """Segments that are metered sooner than a process has started."""
@@ -67,7 +67,7 @@ def _run(tasks: list[Task]) -> Iterable[Remade]:
 
 
 def _in_processes(tasks: list[Task], processors: int) -> Iterator[Remade]:
-    yield from run_here(remake, tasks, processors, lambda: None)
+    yield from run_here_as_well(remake, tasks, processors)
 
 
 def _as_json(report: Remaking) -> dict[str, Any]:
