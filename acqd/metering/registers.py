@@ -90,8 +90,8 @@ class Registers:
         """The state as numbers, NaN for what is not known: small enough to be kept with every window."""
         result = [float(self._block), self._covered_s]
         for one in self.channels.values():
-            rest = (one.last_W, one.most_W, one.most_block)
-            result += [*one.reactive, one.kWh, *(math.nan if value is None else value for value in rest)]
+            rest = [one.last_W, one.most_W, one.most_block]
+            result += [*one.reactive, one.kWh, *[math.nan if value is None else value for value in rest]]
         return result
 
     def advance(self, numbers: Sequence[float]) -> None:

@@ -46,7 +46,8 @@ class RecentSamples:
         last = self._blocks[-1] if self._blocks else None
         unbroken = last is not None and block.index == last.index + len(last.codes)
         blocks = (*self._blocks, block) if unbroken else (block,)
-        while sum(len(each.codes) for each in blocks[1:]) >= self._least:
+        enough = block.index + len(block.codes) - self._least  # for blocks that begin no later
+        while len(blocks) > 1 and blocks[1].index <= enough:
             blocks = blocks[1:]
         self._blocks = blocks
 

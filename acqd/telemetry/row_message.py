@@ -54,4 +54,4 @@ def _of_window(rows: Sequence[SpooledRow]) -> Message:
     if topics.travels_alone(rows[0].stream.channel):
         return _of_row(rows[0])
     sent = [(row.stream, row.seq) for row in rows]
-    return Message(topics.window(rows[0].stream.device), joined(row.payload for row in rows), tag=sent)
+    return Message(topics.window(rows[0].stream.device), joined([row.payload for row in rows]), tag=sent)

@@ -90,6 +90,7 @@ def is_registers(stream_channel: str) -> bool:
     return stream_channel.endswith(_REGISTERS)
 
 
+@lru_cache(maxsize=64)  # every row asks several times
 def travels_alone(stream_channel: str) -> bool:
     """Whether the rows of a stream are never in the message of a window: power quality, registers and events."""
     return stream_channel.endswith((_QUALITY, _REGISTERS)) or stream_channel == EVENTS

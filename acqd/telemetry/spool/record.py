@@ -111,9 +111,8 @@ def row_record(name: bytes, seq: int, payload: bytes) -> bytes:
 
 def energy_record(device: str, energy: Energy) -> bytes:
     """Readings of a device's registers."""
-    return _record(
-        ENERGY, device.encode(), struct.pack(f"<{2 * len(energy)}d", *(value for pair in energy for value in pair))
-    )
+    values = [value for pair in energy for value in pair]
+    return _record(ENERGY, device.encode(), struct.pack(f"<{len(values)}d", *values))
 
 
 def registers_record(device: str, numbers: Sequence[float]) -> bytes:
