@@ -34,6 +34,21 @@ def test_rows_from_the_configured_aggregation_on_are_numbered_without_a_hole(int
     assert numbers == list(range(len(numbers)))
 
 
+def test_blocks_of_a_window_make_the_rows_of_long_ones():
+    """The last interval is complete with samples that wait for more."""
+    x = three_phases(2 * np.pi * 50 * np.arange(int(1.62 * RATE)) / RATE)
+    rows = []
+    for length in (160, len(x)):
+        feed = QualityFeed(QualitySection(enabled=True), "cell1", 230.0, lambda: "boot1")
+        feed.open(StreamFormat(RATE, (1.0,) * 6, bits=64))
+        starts = range(0, len(x), length)
+        made = [row for k in starts for row in feed.take(SampleBlock(x[k : k + length], k, T0 + k * 250_000))]
+        rows.append((made, feed.finish()))
+    (early, rest), (whole, none) = rows
+    assert len(rest) == 4 and not none
+    assert early + rest == whole
+
+
 @pytest.mark.parametrize("interval", ["10/12", "10min"])
 def test_a_telegram_is_recorded_from_its_begin_for_the_time_that_is_set(interval):
     """A dip, whose edges have lines at the carrier, begins no recording; the pause within a telegram ends none."""
