@@ -88,11 +88,17 @@ def judge_order(robot: RobotDescription, samples: Sequence[OrderSample], *, gues
         return OrderJudgement(None, frozenset(others))
     gains = {order: fit.gain(logged, order) for order in others}
     clearly = best_of(len(others), fit.blocks)
-    best = max(gains, key=lambda order: gains[order][0] if gains[order][1] > clearly else -np.inf)
+    ahead = {order: gain for order, (gain, errors) in gains.items() if errors > clearly and _has_witness(robot, order)}
+    best = max(ahead, key=lambda order: ahead[order], default=logged)
     least = GAIN_BY_POWER if samples[0].seen.ndim == 1 else _GAIN
-    if gains[best][1] > clearly and gains[best][0] > least and fit.explained(best) > EXPLAINED:
+    if ahead and ahead[best] > least and fit.explained(best) > EXPLAINED:
         return OrderJudgement(_climbed(fit, best))
     return OrderJudgement(None, frozenset(order for order, (_, errors) in gains.items() if errors > -CLEARLY))
+
+
+def _has_witness(robot: RobotDescription, order: Order) -> bool:
+    """Whether the body of a joint that the order moves is described: guessed bodies contradict no columns."""
+    return any(axis != column and not robot.joint[axis].is_guessed("link.mass") for axis, column in enumerate(order))
 
 
 def best_of(orders: int, blocks: int) -> float:

@@ -126,6 +126,18 @@ def test_columns_in_another_order_are_refused_with_the_order_by_power(ur10e, ord
 
 
 @needs_robot_logs
+def test_guessed_bodies_contradict_no_columns(ur10e):
+    robot, logs = ur10e
+    joints = [joint.model_copy(update={"guessed": ["link"]}) for joint in robot.joint]
+    for order, _ in (ORDERS[0], ORDERS[2]):
+        (line,) = by_power(robot.model_copy(update={"joint": joints}), logs, order)
+        assert "not confirmed" in line
+    two = [joints[k] if k in (3, 4) else joint for k, joint in enumerate(robot.joint)]
+    with pytest.raises(UserError, match=ORDERS[0][1]):  # those of the others do
+        by_power(robot.model_copy(update={"joint": two}), logs, ORDERS[0][0])
+
+
+@needs_robot_logs
 def test_joints_that_the_power_cannot_tell_apart_are_named(ur10e):
     line = "the order of wrist_2 and wrist_3 is not confirmed by these logs (by their power): check the columns"
     assert by_power(*ur10e) == [line]
