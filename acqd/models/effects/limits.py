@@ -31,6 +31,8 @@ LARGEST_LOSS_W = 50.0
 """Of a supply that delivers 100 W: an efficiency of 67 %."""
 _PAYLOADS = 2.0
 """Mass that an arm carries, over its own: the strongest light arms carry as much as they weigh."""
+_LEAST_KG = 1e-3
+"""Where a fit to motion that tells no masses has left the arm none: what it carries stays a size above zero."""
 _ONE_METRE = 1.0
 _SLIDING_G = 10.0
 """Acceleration in units of gravity with which no slide moves the machine."""
@@ -55,7 +57,7 @@ class Limits:
     def of(cls, model: GreyBox) -> Limits:
         """The limits of a grey box's arm."""
         lengths = np.linalg.norm(model.chain.xyz, axis=1)
-        arm_kg = float(np.abs(model.group("inertial")[::10]).sum())
+        arm_kg = max(float(np.abs(model.group("inertial")[::10]).sum()), _LEAST_KG)
         reach_m = max(float(lengths[1:].sum() + np.linalg.norm(model.chain.tip[0])), 0.05)
         torque = np.full(model.axes, 2 * arm_kg * GRAVITY * reach_m)
         torque[list(model.layout.sliding)] = arm_kg * GRAVITY * _SLIDING_G

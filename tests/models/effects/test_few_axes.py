@@ -53,6 +53,15 @@ def test_an_effect_has_finite_columns_and_its_places_name_them(scene, identity):
     assert isinstance(effect.c_constants(scene.model, dict(effect.shapes[0])), dict)
 
 
+def test_every_size_may_be_above_zero_where_the_fit_has_left_the_machine_no_mass(scene):
+    scene.model.values[scene.model.layout.part("inertial")] = 0.0
+    for effect in library().values():
+        if effect.detected or not effect.possible(scene):
+            continue
+        for parameter in (each for place in effect.places(scene) for each in place.parameters):
+            assert parameter.low < parameter.high and parameter.deviation > 0, (effect.id, parameter)
+
+
 def test_a_base_turns_about_what_its_joints_feel_and_zeros_have_the_unit_of_their_joint(scene):
     directions = [place.columns for place in library()["mounting"].places(scene)]
     if scene.axes > 1:

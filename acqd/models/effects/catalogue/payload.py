@@ -73,8 +73,8 @@ class Payload(Effect):
 
     def places(self, scene: Scene) -> Iterator[Place]:
         """The flange: on its axis, beside its axis, or on its axis with the tool."""
-        usual_kg = _SHARE_OF_ARM * float(scene.model.group("inertial")[::10].sum())
         limits = Limits.of(scene.model)
+        usual_kg = _SHARE_OF_ARM * limits.arm_kg
         mass = Parameter("mass", "kg", -limits.arm_kg, limits.payload_kg, usual_kg)
         most = limits.moment_kg_m
         moments = tuple(Parameter(f"first moment {side}", "kg m", -most, most, usual_kg * _BESIDE_M) for side in "xy")
