@@ -73,17 +73,22 @@ class LogColumns(Section):
     time_s: str | None = None
     """With `time_ns`: time as whole seconds and nanoseconds in two columns."""
     time_ns: str | None = None
+    row_s: Positive | None = None
+    """s between two rows of a log without a column of the time; its rows count from 0."""
     q: str = "q{1}"
     angles: Literal["rad", "deg"] = "rad"
     """Unit of `q`, and per second of `qd`, of the joints that turn."""
+    lengths: Literal["m", "mm"] = "m"
+    """Unit of `q`, and per second of `qd`, of the joints that slide."""
     qd: str | None = None
     tau: str | None = None
     current: str | None = None
     temperature: str | None = None
     tool: str | None = None
     brake: str | None = None
-    power: str | None = None
-    """Electrical power in W, if the controller measures it."""
+    power: str | list[str] | None = None
+    """Electrical power, if the controller measures it; several columns, those of the drives, are added."""
+    power_unit_W: Positive = 1.0
     bus_voltage: str | None = None
     """With `bus_current`: V and A at the robot's supply, whose product is the power."""
     bus_current: str | None = None

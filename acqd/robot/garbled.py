@@ -30,7 +30,7 @@ _APART_S = 5.0
 _APART_STEPS = 200
 _RUN = 5  # rows with even steps: such a run is a part of the recording, wherever it lies
 TOO_FAST = 3.0  # times the joint's speed limit
-_RESOLUTION = 0.1  # rad
+_RESOLUTION, _RESOLUTION_M = 0.1, 0.02  # rad and m: what is no jump at any rate
 _SHORTER = 0.8
 """Way in the order of the times over that in the order of the rows, from which on rows are only out of order."""
 _OFTEN = 0.02
@@ -139,7 +139,8 @@ def _way(q: Floats) -> float:
 
 def reach(step_s: Floats, robot: RobotDescription) -> Floats:
     """[T, axes] rad or m that joints can move within steps [T] s, with an allowance."""
-    return np.asarray(TOO_FAST * step_s[:, None] * robot.speed + _RESOLUTION)
+    allowed = np.array([_RESOLUTION_M if joint.slides else _RESOLUTION for joint in robot.joint])
+    return np.asarray(TOO_FAST * step_s[:, None] * robot.speed + allowed)
 
 
 def _not_numbers(time: Floats, q: Floats) -> dict[int, str]:

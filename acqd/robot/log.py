@@ -14,7 +14,8 @@ from acqd.errors import InputError
 from acqd.robot.labels import Texts
 from acqd.robot.motion_quality import MotionQuality
 
-_DAY_S = 86_400.0
+DAY_S = 86_400.0
+"""No recording is longer."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,10 +67,10 @@ def in_time(log: RobotLog) -> tuple[Floats, NDArray[np.int64]]:
     stamps, first = np.unique(log.time[order], return_index=True)
     rows = np.asarray(order[first], dtype=np.int64)
     steps = np.diff(stamps)
-    if len(steps) and steps.max() > _DAY_S:
+    if len(steps) and steps.max() > DAY_S:
         row = int(rows[int(steps.argmax())]) + 1
         raise InputError(
-            log.path, f"time jumps by {steps.max() / _DAY_S:.0f} days after data row {row}: remove the wrong rows"
+            log.path, f"time jumps by {steps.max() / DAY_S:.0f} days after data row {row}: remove the wrong rows"
         )
     return stamps, rows
 

@@ -64,22 +64,30 @@ def _match(layout: LogColumns, table: Table, robot: RobotDescription) -> Columns
         names = [pattern.format(axis, axis + 1, joint=joint) for axis, joint in enumerate(joints)] if pattern else []
         if names and all(column in where for column in names):
             columns[name] = [where[column] for column in names]
-    clock = [layout.time_s, layout.time_ns] if layout.time_s and layout.time_ns else [layout.time]
+    clock = clock_of(layout)
     if "q" not in columns or not all(name in where for name in clock):
         return None
-    columns["time"] = [where[name] for name in clock if name]
+    columns["time"] = [where[name] for name in clock]
     point = [layout.tool_point.format(axis, axis + 1) for axis in range(3)] if layout.tool_point else []
     if point and all(name in where for name in point):
         columns["tool_point"] = [where[name] for name in point]
     for name in _SINGLE:
         column = getattr(layout, name)
-        if column in where:
-            columns[name] = [where[column]]
+        names = column if isinstance(column, list) else [column]
+        if names and all(each in where for each in names):
+            columns[name] = [where[each] for each in names]
     return columns
 
 
+def clock_of(layout: LogColumns) -> list[str]:
+    """Columns of the time: one in a unit, or whole seconds and nanoseconds; none where rows are evenly apart."""
+    if layout.row_s:
+        return []
+    return [layout.time_s, layout.time_ns] if layout.time_s and layout.time_ns else [layout.time]
+
+
 def _in_order(layout: LogColumns, table: Table, axes: int) -> Columns | None:
-    columns: Columns = {}
+    columns: Columns = {"time": []} if layout.row_s else {}
     at = 0
     for name in layout.columns:
         count = 1 if name == "time" or name in _SINGLE else axes
@@ -95,8 +103,7 @@ def word_columns(robot: RobotDescription) -> set[str]:
 
 def _clocks(layouts: list[LogColumns]) -> str:
     """Names of the time columns of some layouts."""
-    names = [f"{each.time_s} and {each.time_ns}" if each.time_s and each.time_ns else each.time for each in layouts]
-    return " or ".join(dict.fromkeys(name for name in names if name))
+    return " or ".join(dict.fromkeys(" and ".join(clock) for each in layouts if (clock := clock_of(each))))
 
 
 def twice(table: Table, columns: Columns) -> str | None:

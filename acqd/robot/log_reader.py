@@ -16,11 +16,12 @@ from acqd.robot.clock_fault import clock_fault
 from acqd.robot.columns import TITLES, angle_fault, at_zero, judged, on_off
 from acqd.robot.description import LogColumns, RobotDescription
 from acqd.robot.doubtful_rows import doubtful_rows
-from acqd.robot.garbled import FEW, garbled_rows, impossible_jump, reach
+from acqd.robot.garbled import FEW, garbled_rows, impossible_jump, limits, reach
 from acqd.robot.garbled_text import note, refusal
+from acqd.robot.integrated import from_speeds
 from acqd.robot.joint_refresh import between_refreshes, frozen
 from acqd.robot.last_line import LEFT_OUT
-from acqd.robot.log import RobotLog, in_time
+from acqd.robot.log import DAY_S, RobotLog, in_time
 from acqd.robot.log_layout import LABELS, PER_AXIS, Columns, layout_of, more_axes, twice, why_not, word_columns
 from acqd.robot.log_times import rebuilt, require_one_clock
 from acqd.robot.motion_quality import MotionQuality
@@ -47,9 +48,10 @@ def log_of(path: Path, table: Table, robot: RobotDescription) -> RobotLog:
     repeated = twice(table, found[1])
     if repeated is not None:
         raise InputError(path, f"has several columns {repeated!r}; expected one: rename or remove the others")
-    log = _in_radians(_assemble(path, table, *found), found[0], robot)
+    log = _in_si_units(_assemble(path, table, *found), found[0], robot)
     log, stamps = rebuilt(log, robot)
     point = table.values[:, found[1]["tool_point"]] if "tool_point" in found[1] else None
+    log, by_speeds = _by_speeds(log, robot)
     recorded, log = log.q, _unwrapped(log, robot)
     faults = garbled_rows(log.time, log.q, robot) | table.broken
     known = np.isfinite(log.q).all(axis=1) | ~np.isfinite(log.time)  # angles of other rows were not measured
@@ -84,6 +86,7 @@ def log_of(path: Path, table: Table, robot: RobotDescription) -> RobotLog:
         frozen=_names(robot, stale),
         frozen_rows=int(stale.any(axis=1).sum()),
         rebuilt=stamps,
+        by_speeds=_names(robot, by_speeds),
     )
     notes = [log.note, LEFT_OUT if table.note else ""]
     if more := more_axes(table, robot, found[0]):
@@ -97,6 +100,22 @@ def log_of(path: Path, table: Table, robot: RobotDescription) -> RobotLog:
 def _names(robot: RobotDescription, flags: NDArray[np.bool_]) -> tuple[str, ...]:
     """Joints with any of the flags [T, axes]."""
     return tuple(robot.joint[axis].name for axis in np.flatnonzero(flags.any(axis=0)))
+
+
+def _by_speeds(log: RobotLog, robot: RobotDescription) -> tuple[RobotLog, NDArray[np.bool_]]:
+    """The log with the positions that its speeds tell better than few digits, and [1, axes] which these are."""
+    none = np.zeros((1, robot.axes), bool)
+    if log.qd is None or len(log.time) < 2:
+        return log, none
+    good = (np.abs(log.q) <= limits(robot)).all(axis=1) & (np.abs(log.time - np.nanmedian(log.time)) < DAY_S)
+    stamps, first = np.unique(log.time[good], return_index=True)
+    rows = np.flatnonzero(good)[first]
+    coarse = smoothing_of(stamps, log.q[rows], steps_of(log.q[rows]), robot.speed)
+    if coarse is None:
+        return log, none
+    angles = log.q.copy()
+    angles[rows], axes = from_speeds(stamps, log.q[rows], log.qd[rows], coarse)
+    return replace(log, q=angles), axes[None]
 
 
 def _frozen(
@@ -172,6 +191,7 @@ def _trusted(log: RobotLog, robot: RobotDescription, found: MotionQuality, q_ste
         rebuilt=found.rebuilt,
         fault=fault,
         smoothing=smoothing,
+        by_speeds=found.by_speeds,
     )
     gone: dict[str, Any] = dict.fromkeys(judgement.gone)
     log = replace(log, quality=quality, **gone)
@@ -182,10 +202,11 @@ def _trusted(log: RobotLog, robot: RobotDescription, found: MotionQuality, q_ste
     return log.part(kept, log.path)
 
 
-def _in_radians(log: RobotLog, layout: LogColumns, robot: RobotDescription) -> RobotLog:
-    if layout.angles == "rad":
+def _in_si_units(log: RobotLog, layout: LogColumns, robot: RobotDescription) -> RobotLog:
+    length, angle = 1e-3 if layout.lengths == "mm" else 1.0, np.pi / 180 if layout.angles == "deg" else 1.0
+    unit = np.array([length if joint.slides else angle for joint in robot.joint])
+    if (unit == 1.0).all():
         return log
-    unit = np.array([1.0 if joint.slides else np.pi / 180 for joint in robot.joint])
     return replace(log, q=log.q * unit, qd=None if log.qd is None else log.qd * unit)
 
 
@@ -198,15 +219,25 @@ def _assemble(path: Path, table: Table, layout: LogColumns, columns: Columns) ->
 
     clock, q = values("time"), values("q")
     assert clock is not None and q is not None
-    time = clock[:, 0] + clock[:, 1] * 1e-9 if clock.shape[1] == 2 else clock[:, 0] * layout.time_unit_s
+    time = _times(clock, layout)
     levels = {name: on_off(column) for name in ("tool", "brake") if (column := single(name)) is not None}
     signals = {name: column for name, column in levels.items() if column is not None}
     others_than = " and ".join(name for name, column in levels.items() if column is None)
     note = f"{others_than} holds other cells than 0 and 1, and is not used" if others_than else ""
     there = {name: column for name in PER_AXIS[1:] if (column := values(name)) is not None}
     others: dict[str, Any] = {name: column for name, column in there.items() if np.isfinite(column).any()}
-    power, voltage, current = single("power"), single("bus_voltage"), single("bus_current")
+    powers, voltage, current = values("power"), single("bus_voltage"), single("bus_current")
+    power = None if powers is None else powers.sum(axis=1) * layout.power_unit_W
     if power is None and voltage is not None and current is not None:
         power = voltage * current
     labels = {name: table.texts(columns[name][0]) for name in LABELS if name in columns}
     return RobotLog(path, time, q, **others, signals=signals, labels=labels, power=power, voltage=voltage, note=note)
+
+
+def _times(clock: Floats, layout: LogColumns) -> Floats:
+    """[T] s of the columns [T, 0 to 2] of the time."""
+    if not clock.shape[1]:
+        return np.asarray(np.arange(len(clock)) * float(layout.row_s or 1.0))
+    if clock.shape[1] == 2:
+        return np.asarray(clock[:, 0] + clock[:, 1] * 1e-9)
+    return np.asarray(clock[:, 0] * layout.time_unit_s)

@@ -52,6 +52,8 @@ class MotionQuality:
     """Why the times are not quite those of the poses."""
     smoothing: Smoothing | None = None
     """How finely positions and times are written, where the positions had to be smoothed."""
+    by_speeds: tuple[str, ...] = ()
+    """Joints whose position is written to few digits, and taken from their speed."""
 
     @property
     def bad(self) -> int:
@@ -100,6 +102,7 @@ class MotionQuality:
             "late_stamps_ms": round(1000 * self.rebuilt.most_s, 1) if isinstance(self.rebuilt, LateStamps) else 0.0,
             "missing_rows_ms": round(1000 * self.fault.missing_s, 1) if self.fault else 0.0,
             "smoothed_over_ms": round(1000 * self.smoothing.longest_s) if self.smoothing else 0,
+            "by_speeds": list(self.by_speeds),
         }
 
     def sentences(self) -> list[str]:
@@ -108,6 +111,10 @@ class MotionQuality:
         found += self.left_out()
         if self.smoothing:
             found.append(self.smoothing.sentence())
+        if self.by_speeds:
+            found.append(
+                f"the position of {', '.join(self.by_speeds)} has few digits: its speed is integrated, and held to it"
+            )
         if self.unwrapped:
             found.append(f"unwrapped where they jump by whole turns: {', '.join(self.unwrapped)}")
         if self.by_itself:

@@ -123,9 +123,18 @@ class Smoothing:
         return float(self.windows_s.max())
 
     @property
+    def hides(self) -> NDArray[np.bool_]:
+        """[axes] whose fast motion is lost."""
+        return self.windows_s > _COARSE_S
+
+    def fails(self, step_s: float) -> NDArray[np.bool_]:
+        """[axes] whose windows hide fast motion, or hold too few rows `step_s` apart to smooth anything."""
+        return self.hides | ((self.windows_s > 0) & (self.windows_s < _LEAST_ROWS * step_s))
+
+    @property
     def coarse(self) -> bool:
         """Whether fast motion is lost, so that the log cannot tell a supply's lag from the smoothing."""
-        return self.longest_s > _COARSE_S
+        return bool(self.hides.any())
 
     @property
     def age_error_s(self) -> float:

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from acqd.errors import InputError
 from acqd.models.effects.bodies import point_mass
 from acqd.robot.arm import Arm, Payload
+from acqd.robot.description import LogColumns
 from acqd.robot.dynamics import (
     gravity_torque,
     inertial_parameters,
@@ -111,3 +112,40 @@ def test_a_log_in_millimetres_is_refused(tmp_path):
     path.write_text("time,q1,q2,q3,q4\n0,0,0,500,0\n1,0,0,501,0\n")
     with pytest.raises(InputError, match="j3 reaches 501 m, but its limit is 1 m; write metres"):
         read_log(path, scara())
+
+
+LAYOUT = {
+    "format": "csv", "row_s": 0.1, "q": "{joint} [mm]", "lengths": "mm", "power": ["Px", "Py"], "power_unit_W": 1e3,
+}  # fmt: skip
+
+
+def machine(speed_m_s=1.0, **layout):
+    axes = [slide(name, axis, link(20), speed_m_s=speed_m_s) for name, axis in (("x", [1, 0, 0]), ("y", [0, 1, 0]))]
+    return robot(*axes).model_copy(update={"log": [LogColumns.model_validate(LAYOUT | layout)]})
+
+
+def drawn(row):
+    return 400.0 * np.sin(0.02 * row), 300.0 * np.cos(0.03 * row)
+
+
+def test_rows_without_a_time_in_mm_with_kilowatts_of_each_drive_are_read(tmp_path):
+    path = tmp_path / "log.csv"
+    rows = [f"{row},{drawn(row)[0]:.6f},{drawn(row)[1]:.6f},0.25,0.5" for row in range(300)]
+    path.write_text("\n".join(["number,x [mm],y [mm],Px,Py", *rows, ""]))
+    log = read_log(path, machine())
+    np.testing.assert_allclose(log.time, 0.1 * np.arange(300))
+    np.testing.assert_allclose(log.q, np.array([drawn(row) for row in range(300)]) / 1000, atol=1e-9)
+    np.testing.assert_allclose(log.power, 750.0)
+    with pytest.raises(InputError, match="x reaches"):
+        read_log(path, machine(lengths="m"))
+    assert read_log(path, machine(power=["Px", "Pz"])).power is None
+
+
+def test_a_slide_that_is_elsewhere_within_a_row_is_refused(tmp_path):
+    """Blocks of rows out of order: a tenth of a metre is no rounding."""
+    path = tmp_path / "log.csv"
+    blocks = np.random.default_rng(3).permutation(np.arange(600).reshape(-1, 20), axis=0).ravel()
+    rows = [f"{drawn(row)[0] / 4:.4f},{drawn(row)[1] / 4:.4f},0.25,0.5" for row in blocks]
+    path.write_text("\n".join(["x [mm],y [mm],Px,Py", *rows, ""]))
+    with pytest.raises(InputError, match=r"moves .* m in 0\.100 s, its limit is 0\.02 m/s"):
+        read_log(path, machine(speed_m_s=0.02))

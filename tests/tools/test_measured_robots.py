@@ -8,7 +8,6 @@ import pytest
 
 from tests.commands import acqd_here
 from tests.places import ROBOT_LOGS, ROOT, needs_robot_logs
-from tools.studies.measured_robots import mill
 
 
 def loaded():
@@ -90,11 +89,30 @@ def test_a_term_withheld_from_a_measured_ur3e_is_the_first_hypothesis_with_its_s
         assert first["parameters"][parameter]["value"] == pytest.approx(1.0, abs=0.25)
 
 
+MILL = ROOT / "tools" / "studies" / "measured_robots" / "mill.toml"
+
+
+def mill_dataset(tmp_path, recordings):
+    logs = tmp_path / "logs"
+    logs.mkdir()
+    for number in recordings:
+        (logs / f"{number}.csv").symlink_to(ROBOT_LOGS / "cnc_mill" / f"experiment_{number}.csv")
+    inputs = ("--power", "log", "--logs", logs, "--robot", MILL, "--step", "0.1")
+    return acqd_here("dataset", "build", *inputs, "--out", tmp_path / "ds")
+
+
 @needs_robot_logs
-def test_two_axes_of_a_milling_machine_are_explained_from_their_motion_alone(tmp_path):
-    mill.write_logs(ROBOT_LOGS / "cnc_mill", tmp_path)
-    inputs = ("--power", "log", "--logs", tmp_path / "worn", "--robot", mill.DESCRIPTION, "--step", "0.1")
-    built = acqd_here("dataset", "build", *inputs, "--out", tmp_path / "ds")
+def test_two_axes_of_a_milling_machine_are_explained_from_the_recording_as_it_was_published(tmp_path):
+    """Positions of a few digits without a time, mm and kW."""
+    built = mill_dataset(tmp_path, ["01"])
     assert built.returncode == 0, built.stderr
-    r2, _, recordings = loaded().cross_validated(tmp_path / "ds", folds=2)
-    assert recordings >= 5 and r2 > 0.5
+    assert "its speed is integrated" in built.stderr
+    r2, _, recordings = loaded().cross_validated(tmp_path / "ds", folds=3)
+    assert recordings >= 10 and r2 > 0.6
+
+
+@needs_robot_logs
+def test_recordings_of_the_mill_whose_seconds_are_out_of_order_are_refused(tmp_path):
+    built = mill_dataset(tmp_path, ["03", "08", "12"])
+    assert built.returncode == 2 and "none of 3 logs can be used" in built.stderr
+    assert " m in 0." in built.stderr
