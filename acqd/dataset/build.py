@@ -21,6 +21,7 @@ from acqd.dataset.placement import Alignment, given, place
 from acqd.dataset.power import PowerStream, open_power, require_fast
 from acqd.dataset.power_values import large_power
 from acqd.dataset.regressors import Regressors, regressors_of
+from acqd.dataset.rejoined import rejoined
 from acqd.dataset.report import report_writer
 from acqd.dataset.unaligned import clock_doubts, pair_of
 from acqd.dataset.write import write_dataset
@@ -39,7 +40,7 @@ _CONFIRMED = 0.75
 """Share of the logs that must be placed where no common clock confirms their places."""
 _CAUSES = (
     "Otherwise the logs may be of another robot (--robot), an axis may have another sign, zero or place in the order "
-    "than in the description, or the meter may average or repeat its values"
+    "than in the description, their rows may be in reverse order of time, or the meter may average or repeat its values"
 )
 _SQLITE = "sqlite:///"
 _Progress = Callable[[str, float], None]
@@ -105,7 +106,7 @@ def _clock_doubts(
 ) -> list[str]:  # fmt: skip
     """A line where power and motion that were not aligned do not belong together in time."""
     if stream is None:
-        pairs = [pair_of(each, robot, config.step_s) for each in recordings]
+        pairs = [pair_of(each, robot, config.step_s) for each in rejoined(recordings, robot.axes)]
         given_s = config.lag_s or 0.0
         return clock_doubts(pairs, robot, lambda beyond_s: f"give --lag {given_s + beyond_s:.3f}")
     if config.lag_s is None:

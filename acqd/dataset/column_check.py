@@ -15,6 +15,7 @@ from acqd.dataset.merge import Recording
 from acqd.dataset.order_fit import OrderSample, pieces, share_of, shares_of
 from acqd.dataset.other_robot import other_robot
 from acqd.dataset.regressors import best_torque
+from acqd.dataset.reversed_rows import reversed_rows
 from acqd.errors import InputError, UserError
 from acqd.report.digits import percent
 from acqd.robot.description import RobotDescription
@@ -108,8 +109,11 @@ def judge_recordings(
 ) -> list[str]:
     """Lines on axes whose order neither the torques nor the power of recordings confirm.
 
-    Raises UserError when the power fits the robot clearly better in another order. `by_torque`: what torques say.
+    Raises UserError when the power fits the robot clearly better in another order of the axes, or in the reverse order
+    of the rows. `by_torque`: what torques say.
     """
+    if reverse := reversed_rows(robot, recordings):
+        raise UserError(reverse)
     if by_torque is not None and not by_torque.unsure:
         return []
     some = recordings[:: -(-len(recordings) // _LOGS_CHECKED)]

@@ -25,6 +25,8 @@ from acqd.robot.log import RobotLog
 
 _JUDGED, _FEWEST = 8, 3
 """Recordings that are judged at most, and that have to be placed."""
+_CONFIRMED = 0.75
+"""Share of them: seconds of motion fit some power anywhere."""
 _LONGEST_S = 60.0
 """Of a recording that is judged: a minute tells a lag."""
 Pair = tuple[RobotLog, PowerStream]
@@ -44,11 +46,11 @@ def clock_doubts(
     if len(moved) < _FEWEST:
         return []
     placed = [each for each in place(*_on_one_clock(moved), SEARCH_S, lambda _: None).placements if each.within_s]
-    if len(placed) < max(_FEWEST, len(some) / 2):
+    if len(placed) < max(_FEWEST, _CONFIRMED * len(some)):
         return []
     beyond_s = float(np.median([each.lag_s for each in placed]))
     within_s = float(np.median([each.within_s or 0.0 for each in placed]))
-    if abs(beyond_s) < LONGEST_S + within_s:
+    if not LONGEST_S + within_s < abs(beyond_s) < WIDER_S:  # farther away lies the power of other recordings
         return []
     side = "before" if beyond_s > 0 else "after"
     return [

@@ -7,9 +7,13 @@ import numpy as np
 import pytest
 
 from acqd.dataset.power import PowerStream
-from acqd.dataset.unaligned import clock_doubts
+from acqd.dataset.rejoined import rejoined
+from acqd.dataset.unaligned import clock_doubts, pair_of
 from acqd.robot import load_description
 from acqd.robot.log import RobotLog
+from acqd.robot.log_reader import read_log
+from tests.dataset.test_column_check import recordings_of
+from tests.places import ROBOT_LOGS, needs_robot_logs
 
 UR10E = load_description("ur10e")
 LAG_S = -1.65
@@ -57,3 +61,19 @@ def test_the_right_lag_and_power_that_is_too_slow_raise_no_doubt(sides):
         window_ns=rows * power.window_ns,
     )
     assert doubts(logs, slow, 0.0) == [] == doubts(logs[:2], power, 0.0)  # two recordings do not prove a clock
+
+
+@needs_robot_logs
+@pytest.mark.parametrize("joined", [True, False])
+def test_seconds_of_motion_on_the_clock_of_their_power_raise_no_doubt(joined):
+    pieces = []
+    for path in sorted((ROBOT_LOGS / "ur10e").glob("ur-20_02*.csv"))[:4]:
+        (whole,) = recordings_of(UR10E, [read_log(path, UR10E)])
+        for number, rows in enumerate(np.array_split(np.arange(len(whole.valid)), len(whole.valid) // 75)):
+            columns = {name: column[rows] for name, column in whole.columns.items()}
+            apart_ns = 0 if joined else number * 1000 * 10**9
+            piece = replace(whole, name=f"{whole.name}_p{number:03d}", columns=columns, valid=whole.valid[rows])
+            pieces.append(replace(piece, time_ns=whole.time_ns[rows] + apart_ns))
+    together = rejoined(pieces, UR10E.axes) if joined else pieces
+    assert len(together) == (4 if joined else len(pieces))
+    assert clock_doubts([pair_of(each, UR10E, STEP_S) for each in together], UR10E, str) == []
