@@ -18,6 +18,11 @@ from acqd.errors import InputError
 Nanoseconds: TypeAlias = NDArray[np.int64]
 _FILETIME_1970 = 116_444_736_000_000_000  # 100 ns from 1601-01-01 to 1970-01-01
 _FILETIME_2100 = 157_469_184_000_000_000
+_OTHER_CLOCKS = {
+    (_FILETIME_1970, _FILETIME_2100): "a FILETIME: name the column filetime",
+    (627_667_488_000_000_000, 662_380_416_000_000_000): "ticks of .NET, 100 ns from the year 1: write RFC 3339",
+}
+"""Whole numbers of 1970 to 2100, and of 1990 to 2100; in ns they would be of 1973, and of 1989 to 1991."""
 _LEAP_SECOND = re.compile(r"(.*T\d\d:\d\d:)60", re.DOTALL)
 """A second that clocks insert (RFC 3339, appendix D); Unix time has the next one in its place."""
 _MOST_NS = 2**63 - 2**32
@@ -51,16 +56,22 @@ def parse_times(path: Path, name: str, cells: Sequence[object], numbers: Sequenc
     if not np.isfinite(values).all():
         raise InputError(path, f"column {name}: data row {numbers[int(np.argmin(np.isfinite(values)))]} has no time")
     largest = float(np.abs(values).max())
-    unit = next((unit for bound, unit in _UNITS if largest < bound), None)
-    if unit is None:
-        raise InputError(path, f"column {name}: {largest:g} is not a Unix time in s, ms, us or ns")
-    if _FILETIME_1970 < largest < _FILETIME_2100:  # as ns, of 1973 or 1974
-        raise InputError(path, f"column {name}: {largest:.6g} looks like a FILETIME: name the column filetime")
+    unit = _unit_of(path, name, largest)
     _require_times(path, name, float(values.min()) * unit, float(values.max()) * unit)
     if all(isinstance(cell, int) or (unit == 1 and str(cell).strip().isdecimal()) for cell in cells):
         return np.array([int(str(cell)) for cell in cells], dtype=np.int64) * unit
     whole = np.floor(values)
     return whole.astype(np.int64) * unit + np.rint((values - whole) * unit).astype(np.int64)
+
+
+def _unit_of(path: Path, name: str, largest: float) -> int:
+    """Nanoseconds of the unit in which the largest time is written. Raises InputError for times of other clocks."""
+    if other := next((what for (first, last), what in _OTHER_CLOCKS.items() if first < largest < last), None):
+        raise InputError(path, f"column {name}: {largest:.6g} looks like {other}")
+    unit = next((unit for bound, unit in _UNITS if largest < bound), None)
+    if unit is None:
+        raise InputError(path, f"column {name}: {largest:g} is not a Unix time in s, ms, us or ns")
+    return unit
 
 
 def _require_times(path: Path, name: str, first_ns: float, last_ns: float) -> None:

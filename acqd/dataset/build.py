@@ -17,6 +17,7 @@ from acqd.dataset.log_power import LOG, log_power, require_drawn, small_power, s
 from acqd.dataset.merge import Recording, merge
 from acqd.dataset.merged_log import Batch, MergedLog
 from acqd.dataset.motion_notes import end_notes
+from acqd.dataset.no_overlap import no_overlap
 from acqd.dataset.placement import Alignment, given, place
 from acqd.dataset.power import PowerStream, open_power, require_fast
 from acqd.dataset.power_values import large_power
@@ -210,7 +211,5 @@ def _merge_all(
         else:
             merged.append(MergedLog(log, placement, recording))
     if all(single.recording is None for single in merged):
-        raise UserError(
-            "no log overlaps the power stream: are they of the same days? --search SECONDS widens the search"
-        )
+        raise UserError(no_overlap(powers, logs))
     return merged

@@ -122,7 +122,10 @@ def open_power(
     elif "@" in origin:
         raise UserError("power: the URL cannot be understood; expected postgresql://user@host/name")
     else:
-        raise UserError(f"power {origin}: expected an SQL URL, or a .sqlite, .csv, .jsonl or .parquet file")
+        from acqd.dataset.power_files import known_format
+
+        expected = "expected an SQL URL, or a .sqlite, .csv, .jsonl or .parquet file"
+        raise UserError(f"power {origin}: {known_format(path) or expected}")
     return _spool(shown_origin, blocks, clock, notes)
 
 

@@ -11,10 +11,12 @@ from acqd.dataset.power_source import PowerRows, choose
 from acqd.dataset.power_text import csv_cells, json_line_cells
 from acqd.errors import InputError, UserError
 from acqd.extras import require
+from acqd.robot.table import foreign_format
 from acqd.timestamps import parse_times
 
 _ZONE = re.compile(r"(?:Z|[+-]\d\d:?(?:\d\d)?)$", re.IGNORECASE)
 """At the end of a time of RFC 3339 with a zone."""
+_HEAD = 64
 _SHOWN = 20
 """Characters of a cell in a message."""
 _MISSING = frozenset({"", "#n/a", "#n/a n/a", "#na", "n/a", "na", "null", "1.#ind", "-1.#ind", "1.#qnan", "-1.#qnan"})
@@ -36,6 +38,15 @@ def read_file(path: Path, device: str | None, channel: str | None, notes: list[s
         raise InputError(path, "may not be read by this user; check its permissions") from None
     except Exception as error:  # names and cells that are no text, types that a column cannot have ...
         raise InputError(path, f"cannot be read as power rows ({type(error).__name__}: {error})") from None
+
+
+def known_format(path: Path) -> str:
+    """What a file is that is no table of text, and what to do; empty for a table, and without a file to read."""
+    try:
+        with path.open("rb") as file:
+            return foreign_format(file.read(_HEAD))
+    except OSError:
+        return ""
 
 
 def _rows(path: Path, reader: Reader, device: str | None, channel: str | None, notes: list[str]) -> Iterator[PowerRows]:

@@ -59,6 +59,8 @@ def log_of(path: Path, table: Table, robot: RobotDescription) -> RobotLog:
     if not faults and len(log.time) < 2:
         raise InputError(path, "has one row of numbers; expected a recording of seconds")
     if garbled > FEW * len(log.time) or len(faults) > len(log.time) - 2:
+        there = np.flatnonzero(np.isfinite(log.time) & np.isfinite(log.q).all(axis=1))
+        require_one_clock(log.part(there, path), replace(table, lines=table.lines[there]), robot)
         raise InputError(path, refusal(table, log.q, faults, robot, recorded))
     kept = np.ones(len(log.time), bool)
     kept[list(faults)] = False

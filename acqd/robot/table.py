@@ -37,6 +37,8 @@ _FORMATS = {
     b"\x80": "is a pickle of Python, which is not read; write its table as CSV or Parquet",
     b"SQLite format 3": "is an SQLite database; write its table as CSV (a ROS 2 bag is the folder with metadata.yaml)",
     b"version https://git-lfs": "is only a pointer of Git LFS; fetch the file itself: git lfs pull",
+    b"{": "is JSON; write its table as CSV, with a column for each joint",
+    b"[{": "is JSON; write its table as CSV, with a column for each joint",
     b"<": "is a page or XML, not a table; download the file itself",
 }
 """What begins like this, and what to do."""
@@ -90,10 +92,14 @@ def text_of(path: Path, file: BinaryIO) -> BinaryIO:
                 return io.BytesIO(text.encode())
             except UnicodeError:
                 raise InputError(path, f"cannot be read (no UTF-8 text, nor {encoding.upper()})") from None
-    for magic, what in _FORMATS.items():
-        if head.startswith(magic):
-            raise InputError(path, what)
+    if what := foreign_format(head):
+        raise InputError(path, what)
     return file
+
+
+def foreign_format(head: bytes) -> str:
+    """What a file that begins with `head` is, if that is no table, and what to do; else empty."""
+    return next((what for magic, what in _FORMATS.items() if head.startswith(magic)), "")
 
 
 def _read_parquet(path: Path, words: Collection[str]) -> Table:

@@ -280,12 +280,24 @@ def test_a_line_that_is_cut_inside_its_last_value_is_no_row(tmp_path, cut, rows)
     assert len(stream.P) == rows and any("cut off" in note for note in stream.notes) == (rows == 59)
 
 
-def test_a_filetime_under_the_name_of_a_unix_time_is_named(tmp_path):
+@pytest.mark.parametrize(
+    ("first", "remedy"),
+    [
+        (134_139_736_000_000_000, "name the column filetime"),
+        (638_356_000_000_000_000, "ticks of .NET.* write RFC 3339"),
+    ],
+)
+def test_times_of_windows_under_the_name_of_a_unix_time_are_named(tmp_path, first, remedy):
     path = tmp_path / "p.csv"
-    path.write_text(
-        "\n".join(["time,P", *(f"{134_139_736_000_000_000 + 400_000 * k},{50 + k}" for k in range(60)), ""])
-    )
-    with pytest.raises(UserError, match="name the column filetime"):
+    path.write_text("\n".join(["time,P", *(f"{first + 400_000 * k},{50 + k}" for k in range(60)), ""]))
+    with pytest.raises(UserError, match=remedy):
+        open_power(str(path), None, None)
+
+
+def test_a_compressed_file_is_named_as_one_whatever_it_is_called(tmp_path):
+    path = tmp_path / "p.csv.gz"
+    path.write_bytes(gzip.compress(ROWS.encode()))
+    with pytest.raises(UserError, match="is compressed; unpack it first"):
         open_power(str(path), None, None)
 
 

@@ -1,0 +1,62 @@
+"""Why no log has power: whose times are of which days, and what the distance of the two clocks suggests."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from acqd.dataset.power import PowerStream
+from acqd.robot.log import DAY_S, RobotLog
+from acqd.timestamps import rfc3339
+
+_EPOCHS_S = {
+    "1904-01-01 (LabVIEW)": 2_082_844_800.0,
+    "1900-01-01 (NTP)": 2_208_988_800.0,
+    "1980-01-06 (GPS)": -315_964_800.0,
+    "2001-01-01 (Apple)": -978_307_200.0,
+}
+"""What a clock counts seconds from, by how far it is ahead of Unix time."""
+_FURTHEST_ZONE_H = 14
+_OTHER_ORIGIN_S = 1e8
+"""Times of logs below count from another origin than 1970."""
+_Span = tuple[float, float]
+
+
+def no_overlap(powers: Sequence[PowerStream], logs: Sequence[RobotLog]) -> str:
+    """The line on logs of which none has power."""
+    power = _span([each.time_ns * 1e-9 for each in powers])
+    motion = _span([each.time for each in logs])
+    if power is None or motion is None:
+        return "no log overlaps the power stream: are they of the same days?"
+    spans = f"power of {_text(power)}, logs of {_text(motion)}"
+    return f"no log overlaps the power stream: {spans}; {_remedy(power, motion)}"
+
+
+def _span(times: Sequence[np.ndarray]) -> _Span | None:
+    known = [each[np.isfinite(each)] for each in times]
+    known = [each for each in known if len(each)]
+    return (min(float(each.min()) for each in known), max(float(each.max()) for each in known)) if known else None
+
+
+def _text(span: _Span) -> str:
+    if span[1] < _OTHER_ORIGIN_S:
+        return f"{span[0]:.0f} to {span[1]:.0f} s"
+    first, last = (f"{rfc3339(round(each) * 1_000_000_000)[:19]}Z" for each in span)
+    return f"{first} to {last}"
+
+
+def _remedy(power: _Span, motion: _Span) -> str:
+    apart_s = sum(power) / 2 - sum(motion) / 2
+    for ahead, first in ((apart_s, "the power's"), (-apart_s, "the logs'")):
+        for epoch, by_s in _EPOCHS_S.items():
+            if abs(ahead - by_s) < DAY_S:
+                return f"are {first} times counted from {epoch}? Write Unix seconds, or dates"
+    hours = [h for h in range(-_FURTHEST_ZONE_H, _FURTHEST_ZONE_H + 1) if _meet(power, motion, 3600.0 * h)]
+    if hours:
+        return "are they of two time zones? --zone says whose clock times without a zone are"
+    return "are they of the same days? --search SECONDS widens the search"
+
+
+def _meet(power: _Span, motion: _Span, by_s: float) -> bool:
+    return power[0] < motion[1] + by_s and motion[0] + by_s < power[1]
