@@ -22,6 +22,7 @@ from acqd.dataset.power_values import (
     no_values,
     range_note,
     refreshed_every,
+    two_meters_note,
 )
 from acqd.errors import InputError, UserError
 from acqd.robot.row_clock import even_times
@@ -194,8 +195,7 @@ def _doubt_values(origin: str, P: Floats, window_ns: int, notes: list[str]) -> f
     if nothing is not None:
         P[nothing[0]] = np.nan
         notes.append(f"power {origin}: {no_value_note(int(nothing[0].sum()), len(P), nothing[1])}")
-    if text := range_note(P):
-        notes.append(f"power {origin}: {text}")
+    notes += [f"power {origin}: {text}" for text in (range_note(P), two_meters_note(P)) if text]
     rows = refreshed_every(P)
     if rows == 1:
         return 0.0

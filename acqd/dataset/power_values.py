@@ -37,6 +37,8 @@ _STRAIGHT_STEPS, _STRAIGHT_SHARE = 2.5, 1e-6
 _STRAIGHT = 0.95
 """Share of the corners of one or two rows, and of those at the usual distance, from which on the rows between were
 made."""
+_IN_TURN = 0.95
+"""Share of the changes that are followed by one of the other sign, where two meters took turns. (Noise: 0.67.)"""
 _SAMPLE_ROWS = 200_000
 _MOST_OF_RATED = 5.0
 """Median power over that of all joints at their rated efforts and speeds."""
@@ -88,6 +90,18 @@ def range_note(P: Floats) -> str:
     return (
         f"P never is above {distinct[-1]:g} W, and is that in {counts[-1]} of {len(values)} rows: it may end there "
         "because the meter's range ends; choose a wider range"
+    )
+
+
+def two_meters_note(P: Floats) -> str:
+    """A line on power that jumps up and down from row to row, as that of two meters in one file; empty otherwise."""
+    values = P[np.isfinite(P)][:_SAMPLE_ROWS]
+    changes = np.diff(values)
+    if len(changes) < _FEWEST_CHANGES or (changes[1:] * changes[:-1] < 0).mean() < _IN_TURN:
+        return ""
+    return (
+        f"every other row is above both of its neighbours, by {float(np.median(np.abs(changes))):.3g} W: are these "
+        "rows of two meters? Give the rows of one, or a column device and --device"
     )
 
 

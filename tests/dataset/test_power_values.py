@@ -7,7 +7,14 @@ from acqd.dataset.align import Lag
 from acqd.dataset.build import _require_placements
 from acqd.dataset.placement import Alignment, Placement
 from acqd.dataset.power import open_power, require_fast
-from acqd.dataset.power_values import interpolated_every, large_power, no_values, range_note, refreshed_every
+from acqd.dataset.power_values import (
+    interpolated_every,
+    large_power,
+    no_values,
+    range_note,
+    refreshed_every,
+    two_meters_note,
+)
 from acqd.errors import InputError, UserError
 from acqd.robot.description import load_description
 
@@ -87,6 +94,18 @@ def test_a_meter_that_repeats_its_values_is_said_with_its_rate(tmp_path):
 def test_power_that_stops_at_a_largest_value_is_said():
     assert "the meter's range ends" in range_note(np.minimum(POWER, 80))
     assert range_note(POWER) == range_note(np.round(POWER)) == ""
+
+
+@pytest.mark.parametrize("factor", [2.0, 0.3])
+def test_rows_of_two_meters_in_turn_are_said(factor):
+    both = np.column_stack([POWER, factor * POWER]).ravel()
+    assert "are these rows of two meters?" in two_meters_note(both)
+
+
+def test_noise_and_coarse_or_resting_meters_are_not_two():
+    random = np.random.default_rng(5)
+    for P in (POWER, np.round(POWER), 60 + random.normal(size=500), np.full(400, 12.0), np.repeat(POWER, 2)):
+        assert two_meters_note(P) == ""
 
 
 def test_power_in_milliwatts_is_doubted():
