@@ -31,6 +31,13 @@ def motion_notes(logs: list[RobotLog]) -> list[str]:
             f"{sum(log.quality.bad > 0 for log in faulty)} logs do not hold the pose of their time; "
             f"the worst, {worst.path}: {'; '.join(worst.quality.left_out())}"
         )
+    drawn = [log for log in faulty if log.quality.drawn_s]
+    if drawn:
+        worst_s = max(log.quality.drawn_s for log in drawn)
+        notes.append(
+            f"the rows of {len(drawn)} logs were computed from poses up to {1000 * worst_s:.0f} ms apart (the first: "
+            f"{drawn[0].path}): motion above {0.5 / worst_s:.2g} Hz is not in them; give the logs as they were recorded"
+        )
     for what, names in (
         ("jumps by whole turns were unwrapped", {log.path: log.quality.unwrapped for log in faulty}),
         ("is often that of an earlier row while other joints move on: record all joints in every row",
@@ -39,6 +46,8 @@ def motion_notes(logs: list[RobotLog]) -> list[str]:
          {log.path: log.quality.frozen for log in faulty}),
         ("never changes while the arm moves, and counts as not measured",
          {log.path: log.quality.unmeasured for log in faulty}),
+        ("has few digits: the speed is integrated, and held to it",
+         {log.path: log.quality.by_speeds for log in faulty}),
         ("left out", {log.path: log.quality.unusable for log in faulty}),
     ):  # fmt: skip
         concerned = {path: named for path, named in names.items() if named}

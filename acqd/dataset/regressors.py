@@ -130,11 +130,10 @@ def regressors_of(log: RobotLog, robot: RobotDescription, torque: TorqueSource |
         columns.append(_brake_columns(np.interp(grid, time, log.signals["brake"][rows])))
         events = columns[-1].shape[1]
     known = _known(grid, time)
-    smoothing = log.quality.smoothing
-    # times put right are as unsure as a supply's lag: the scatter that is left in them looks like a longer one
-    coarse = log.quality.times_put_right or (smoothing is not None and smoothing.coarse)
     values = np.column_stack(columns).astype(np.float32)
-    return Regressors(float(time[0]), values, power, essential, events, known, log.quality.age_error_s, coarse)
+    return Regressors(
+        float(time[0]), values, power, essential, events, known, log.quality.age_error_s, log.quality.coarse
+    )
 
 
 def _known(grid: Floats, time: Floats) -> NDArray[np.bool_] | None:

@@ -16,6 +16,7 @@ from acqd.robot.clock_fault import clock_fault
 from acqd.robot.columns import TITLES, angle_fault, at_zero, judged, on_off
 from acqd.robot.description import LogColumns, RobotDescription
 from acqd.robot.doubtful_rows import doubtful_rows
+from acqd.robot.drawn_rows import drawn_every
 from acqd.robot.garbled import FEW, garbled_rows, impossible_jump, limits, reach
 from acqd.robot.garbled_text import note, refusal
 from acqd.robot.integrated import from_speeds
@@ -176,10 +177,11 @@ def _trusted(log: RobotLog, robot: RobotDescription, found: MotionQuality, q_ste
     if speeds is not None and (degrees := angle_fault(stamps[new], log.q[rows[new]], speeds, robot)):
         raise InputError(log.path, degrees)
     good = ~doubts.any
-    smoothing = smoothing_of(stamps[good], log.q[rows[good]], q_step, robot.speed)
+    recorded = log.q[rows[good]]
+    smoothing = smoothing_of(stamps[good], recorded, q_step, robot.speed)
     if smoothing:
         angles = log.q.copy()
-        angles[rows[good]] = smoothed(stamps[good], log.q[rows[good]], smoothing.windows_s)
+        angles[rows[good]] = smoothed(stamps[good], recorded, smoothing.windows_s)
         log = replace(log, q=angles)
     quality = replace(
         doubts.quality(),
@@ -194,6 +196,7 @@ def _trusted(log: RobotLog, robot: RobotDescription, found: MotionQuality, q_ste
         fault=fault,
         smoothing=smoothing,
         by_speeds=found.by_speeds,
+        drawn_s=drawn_every(stamps[good], recorded),
     )
     gone: dict[str, Any] = dict.fromkeys(judgement.gone)
     log = replace(log, quality=quality, **gone)

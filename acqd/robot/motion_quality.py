@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from acqd.robot.clock_fault import ClockFault
-from acqd.robot.resolution import Smoothing
+from acqd.robot.resolution import COARSE_S, Smoothing
 from acqd.robot.row_clock import LateStamps
 from acqd.rounded_times import Rebuilt
 
@@ -52,6 +52,8 @@ class MotionQuality:
     """Why the times are not quite those of the poses."""
     smoothing: Smoothing | None = None
     """How finely positions and times are written, where the positions had to be smoothed."""
+    drawn_s: float = 0.0
+    """Time between the poses of which the rows were computed; 0 if all rows were recorded."""
     by_speeds: tuple[str, ...] = ()
     """Joints whose position is written to few digits, and taken from their speed."""
 
@@ -69,6 +71,14 @@ class MotionQuality:
     def times_put_right(self) -> bool:
         """Whether the times of all rows were put right."""
         return self.rebuilt is not None and not (isinstance(self.rebuilt, LateStamps) and self.rebuilt.few)
+
+    @property
+    def coarse(self) -> bool:
+        """Whether fast motion is lost, so that the log cannot tell a supply's lag.
+
+        Times put right are as unsure as such a lag: the scatter that is left in them looks like a longer one.
+        """
+        return self.times_put_right or (self.smoothing is not None and self.smoothing.coarse) or self.drawn_s > COARSE_S
 
     @property
     def age_error_s(self) -> float:
@@ -103,6 +113,7 @@ class MotionQuality:
             "missing_rows_ms": round(1000 * self.fault.missing_s, 1) if self.fault else 0.0,
             "smoothed_over_ms": round(1000 * self.smoothing.longest_s) if self.smoothing else 0,
             "by_speeds": list(self.by_speeds),
+            "drawn_between_ms": round(1000 * self.drawn_s, 1),
         }
 
     def sentences(self) -> list[str]:
@@ -111,6 +122,11 @@ class MotionQuality:
         found += self.left_out()
         if self.smoothing:
             found.append(self.smoothing.sentence())
+        if self.drawn_s:
+            found.append(
+                f"its rows were computed between poses {1000 * self.drawn_s:.0f} ms apart: motion above "
+                f"{0.5 / self.drawn_s:.2g} Hz is not in them; give the log as it was recorded"
+            )
         if self.by_speeds:
             found.append(
                 f"the position of {', '.join(self.by_speeds)} has few digits: its speed is integrated, and held to it"

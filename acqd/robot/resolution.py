@@ -31,7 +31,7 @@ _ERROR = 0.05
 """rad/s^2 or m/s^2, standard error of an acceleration that changes neither lag nor model."""
 _SHORTEST_S, _LONGEST_S = 0.1, 0.4
 """Shorter windows change nothing; longer ones would hide the motion. (A window passes 1/window Hz.)"""
-_COARSE_S = 0.2
+COARSE_S = 0.2
 """Windows from which on fast motion is lost: half a period at the 2.5 Hz up to which motion and power are compared."""
 _AROUND = 4
 """Rows on either side that tell the usual speed."""
@@ -125,7 +125,7 @@ class Smoothing:
     @property
     def hides(self) -> NDArray[np.bool_]:
         """[axes] whose fast motion is lost."""
-        return self.windows_s > _COARSE_S
+        return self.windows_s > COARSE_S
 
     def fails(self, step_s: float) -> NDArray[np.bool_]:
         """[axes] whose windows hide fast motion, or hold too few rows `step_s` apart to smooth anything."""
