@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2
 
 from acqd.arrays import Floats
 from acqd.models.segments import Segment
@@ -15,9 +16,10 @@ _MEAN_ROWS = 25
 """A second: what two recordings differ by in single rows of one meter cancels in such means."""
 _DIGITS = 1e-5
 """Of the power: a bundle holds its reference in single precision."""
-_SAME = 0.1
-"""Deviation of such means over that of the rows: below 0.05 for rows interpolated at other times, as the steps from
-row to row add up to nothing; at least 0.2 for the noise of two measurements."""
+_BY_CHANCE = 1e-4
+"""Probability that such means of the noise of two measurements vanish as far: their deviation is 0.2 of that of the
+rows. Below 0.05 it is for rows interpolated at other times, as the steps from row to row add up to nothing; ten means
+tell the two apart, and the few seconds that pieces of logs without a date seem to share do not."""
 
 
 def without_shared_rows(
@@ -73,7 +75,7 @@ def _cancels(apart: Floats) -> bool:
     """Whether differences [T] W of two powers vanish in means over a second."""
     whole = len(apart) // _MEAN_ROWS * _MEAN_ROWS
     means = apart[:whole].reshape(-1, _MEAN_ROWS).mean(axis=1)
-    return float(np.sqrt((means**2).mean())) <= _SAME * float(np.sqrt((apart**2).mean()))
+    return _MEAN_ROWS * float((means**2).sum()) <= float(chi2.ppf(_BY_CHANCE, len(means)) * (apart**2).mean())
 
 
 def _part(segment: Segment, first: int, last: int, step_s: float) -> Segment:
