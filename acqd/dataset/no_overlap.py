@@ -8,6 +8,7 @@ import numpy as np
 
 from acqd.dataset.power import PowerStream
 from acqd.robot.log import DAY_S, RobotLog
+from acqd.robot.log_times import LATEST_S
 from acqd.timestamps import rfc3339
 
 _EPOCHS_S = {
@@ -40,7 +41,7 @@ def _span(times: Sequence[np.ndarray]) -> _Span | None:
 
 
 def _text(span: _Span) -> str:
-    if span[1] < _OTHER_ORIGIN_S:
+    if span[0] < 0 or not _OTHER_ORIGIN_S <= span[1] < LATEST_S:
         return f"{span[0]:.0f} to {span[1]:.0f} s"
     first, last = (f"{rfc3339(round(each) * 1_000_000_000)[:19]}Z" for each in span)
     return f"{first} to {last}"

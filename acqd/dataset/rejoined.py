@@ -7,17 +7,31 @@ from collections.abc import Sequence
 import numpy as np
 
 from acqd.arrays import Floats
-from acqd.dataset.cut import log_of_piece
+from acqd.dataset.cut import CONTEXT_ROWS, log_of_piece
 from acqd.dataset.merge import Recording
+
+_LONGEST_GAP_S = 60.0
+"""Between two pieces of a log; logs of like names may lie days apart."""
 
 
 def rejoined(recordings: Sequence[Recording], axes: int) -> list[Recording]:
     """Angles and power of each log, from its pieces with power; NaN and not valid where no piece has both."""
-    logs: dict[str, list[Recording]] = {}
-    for each in recordings:
-        if each.valid.any():
-            logs.setdefault(log_of_piece(each.name), []).append(each)
-    return [_joined(name, pieces, axes) for name, pieces in logs.items()]
+    runs: list[list[Recording]] = []
+    for each in sorted(recordings, key=lambda recording: recording.name):
+        if not each.valid.any():
+            continue
+        if runs and _follows(each, runs[-1][-1]):
+            runs[-1].append(each)
+        else:
+            runs.append([each])
+    return [_joined(log_of_piece(pieces[0].name), pieces, axes) for pieces in runs]
+
+
+def _follows(piece: Recording, before: Recording) -> bool:
+    """Whether a piece is of the same log, and begins where the one before ends; both hold rows of the other."""
+    gap_s = float(piece.time_ns[0] - before.time_ns[-1]) * 1e-9
+    shared_s = (2 * CONTEXT_ROWS + 1) * float(np.median(np.diff(before.time_ns))) * 1e-9
+    return log_of_piece(piece.name) == log_of_piece(before.name) and -shared_s <= gap_s <= _LONGEST_GAP_S
 
 
 def _joined(name: str, pieces: Sequence[Recording], axes: int) -> Recording:

@@ -42,3 +42,4 @@ def test_the_line_names_both_spans_and_the_likeliest_cause(power_s, log_s, remed
 
 def test_logs_of_another_origin_are_shown_in_seconds():
     assert "logs of 5 to 35 s" in line(T0, 5.0)
+    assert "logs of -1000000000000 to -999999999970 s" in line(T0, -1e12)

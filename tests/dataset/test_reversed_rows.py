@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from acqd.dataset.column_check import judge_recordings
+from acqd.dataset.rejoined import rejoined
 from acqd.dataset.reversed_rows import reversed_rows
 from acqd.errors import UserError
 from acqd.robot.description import load_description
@@ -72,3 +73,15 @@ def test_a_motion_that_is_the_same_in_both_directions_of_time_is_not_called_reve
         time_ns = each.time_ns[0] + step * np.arange(len(columns["P"]))
         there_and_back.append(replace(each, time_ns=time_ns, columns=columns, valid=np.ones(len(time_ns), bool)))
     assert reversed_rows(robot, there_and_back) == ""
+
+
+def test_logs_of_like_names_that_lie_days_apart_are_not_joined(ur10e):
+    robot, logs = ur10e
+    whole = recordings_of(robot, logs)[0]
+    first, second = cut(whole)
+    (joined,) = rejoined([second, first], robot.axes)
+    assert joined.valid.sum() == whole.valid.sum() and (joined.columns["q1"] == whole.columns["q1"]).all()
+    later = replace(second, time_ns=second.time_ns + 86_400 * 10**9)
+    assert [len(each.valid) for each in rejoined([later, first], robot.axes)] == [len(first.valid), len(second.valid)]
+    again = replace(second, time_ns=first.time_ns[0] + second.time_ns - second.time_ns[0])  # begins at zero, too
+    assert len(rejoined([first, again], robot.axes)) == 2
