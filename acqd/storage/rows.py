@@ -17,6 +17,7 @@ from acqd.storage.sink_flags import added, same_row
 from acqd.telemetry.row import PowerRow
 
 _COLUMNS = [column.name for column in power.columns]
+_FLAGS = _COLUMNS.index("flags")
 _KEY = ("device", "channel", "boot", "seq")
 _QUOTED = ", ".join(f'"{name}"' for name in _COLUMNS)
 _ON_KEY = " AND ".join(f'p."{name}" = a."{name}"' for name in _KEY)
@@ -28,6 +29,8 @@ _MOVE = (
 )
 """Of each key the first row, if `power` has none: where a trigger puts rows into a table that inherits from `power`,
 no key is there for ON CONFLICT."""
+
+_CSV, _TEXT = "FORMAT csv, NULL 'null', ESCAPE '\\', ENCODING 'UTF8'", "FORMAT text"
 
 
 def insert(connection: sa.Connection, rows: list[PowerRow]) -> list[int]:
@@ -62,7 +65,7 @@ def _sqlite(connection: sa.Connection, rows: list[PowerRow]) -> list[int]:
 
 def _postgres(connection: sa.Connection, rows: list[PowerRow]) -> list[int]:
     """COPY straight into the table; by way of a staging table when a row is there already, or a trigger takes rows."""
-    values = [_values(row) for row in rows]
+    values = [one if not one[_FLAGS] else _with_text(one) for one in map(msgspec.structs.astuple, rows)]
     try:
         with connection.begin_nested() as copied:
             if _copy(connection, "power", _QUOTED, values) == len(rows):
@@ -95,19 +98,34 @@ def _differing(connection: sa.Connection) -> list[int]:
 def _copy(connection: sa.Connection, table: str, columns: str, values: Sequence[tuple[Any, ...]]) -> int:
     """How many rows the server says that it has taken."""
     cursor: Any = connection.connection.cursor()
+    lines = _lines(values)
     try:
         with cursor:
-            with cursor.copy(f"COPY {table} ({columns}) FROM STDIN") as copy:
-                for row in values:
-                    copy.write_row(row)
+            with cursor.copy(f"COPY {table} ({columns}) FROM STDIN ({_TEXT if lines is None else _CSV})") as copy:
+                if lines is not None:
+                    copy.write(lines)
+                for row in values if lines is None else ():
+                    copy.write_row(["[]" if one == [] else one for one in row])
             return int(cursor.rowcount)
     except connection.dialect.loaded_dbapi.Error as error:  # SQLAlchemy does not see it
         raise sa.exc.DBAPIError("COPY", None, error) from error
 
 
-def _values(row: PowerRow) -> tuple[Any, ...]:
-    return (
-        row.device, row.channel, row.boot, row.seq, row.time, row.filetime,
-        row.Vrms, row.Irms, row.P, row.S, row.PF, row.f, row.W,
-        orjson.dumps(row.flags).decode() if row.flags else "[]", row.schema,
-    )  # fmt: skip
+def _lines(values: Sequence[tuple[Any, ...]]) -> bytes | None:
+    """The rows as CSV: what JSON has between the brackets, in a fifth of the time of row by row.
+
+    None where a text holds brackets like those between rows, or a character for which JSON has an escape of its own.
+    """
+    try:
+        found = orjson.dumps(values)[2:-2]
+    except orjson.JSONEncodeError:  # half of a pair of surrogates
+        return None
+    if b"\\" in found and b"\\" in found.replace(b'\\"', b""):
+        return None
+    lines = found.replace(b"],[", b"\n")
+    return lines if len(found) - len(lines) == 2 * (len(values) - 1) else None
+
+
+def _with_text(values: tuple[Any, ...]) -> tuple[Any, ...]:
+    """The values of a row with its flags as their column has them."""
+    return *values[:_FLAGS], orjson.dumps(values[_FLAGS]).decode(), *values[_FLAGS + 1 :]
