@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import gc
 import logging
 import os
 import sys
@@ -16,6 +15,7 @@ from typer import Typer
 from acqd.cli.commands import command_tree
 from acqd.cli.usage import answered
 from acqd.errors import OperationError, UserError, without_number
+from acqd.garbage import uncollected
 
 _PROGRAM = Path(__file__).resolve().parents[1]
 _JOURNAL_LEVEL = {logging.DEBUG: 7, logging.INFO: 6, logging.WARNING: 4, logging.ERROR: 3, logging.CRITICAL: 2}
@@ -65,11 +65,8 @@ def _imported(arguments: Sequence[str]) -> Typer:
 
     Modules stay: to look for garbage in them takes a tenth of the time that a command needs to start.
     """
-    gc.disable()
-    try:
+    with uncollected():
         return command_tree(arguments)
-    finally:
-        gc.enable()
 
 
 def for_people(work: Callable[[], object]) -> None:

@@ -28,6 +28,11 @@ _FIRST, _LAST = filetime(0), filetime(253_402_300_800 * 10**9)
 """1970 to 9999: where SQLite and Python make the same text."""
 
 
+_WINDOWS = 1 << 32
+"""Of a run."""
+_SECOND, _NEVER = 10_000_000, -(1 << 62)
+"""Ticks of `filetime`; a second of no row."""
+
 _Values: TypeAlias = list[Any]
 """Of rows of `power_row`, one after another: id, mark, filetime, Vrms, Irms, P, S, PF, f, W."""
 
@@ -167,34 +172,38 @@ class _Numbers:
 
     def __init__(self, connection: sa.Connection) -> None:
         self._connection = connection
-        self._runs: dict[tuple[str, str, str, int], int] = {}
+        self._runs: dict[tuple[str, str, int], dict[str, int]] = {}
+        """By device, boot and first window: by channel, the id of window 0, if the run had that one."""
         self._marks: dict[tuple[Any, ...], int] = {}
         self._plain = [[0, 0], [0, 0]]
         """Marks without flags, by whether S and PF follow."""
-        self._second = -1, ""
 
     def of(self, rows: Sequence[PowerRow]) -> tuple[_Values, dict[int, str]]:
         """What is stored of the rows; by position, the times that do not follow from `filetime`."""
         values: _Values = []
         odd: dict[int, str] = {}
-        codes, marks, plain, run, last, text = _CODES, self._marks, self._plain, 0, -1, ""
-        device = boot = ""
-        block = -1
+        marks, plain = self._marks, self._plain
+        bases: dict[str, int] = {}
+        device = boot = text = seconds = ""
+        last, second, low, high = -1, _NEVER, 0, 0
         for k, (of, channel, start, seq, time, ticks, Vrms, Irms, P, S, PF, f, W, flags, schema) in enumerate(
             map(astuple, rows)  # in half of the time of attributes
         ):
             if ticks != last:  # the channels of a window follow one another
-                last, text = ticks, self._text(ticks)
+                last = ticks
+                if not 0 <= ticks - second < _SECOND:
+                    second = ticks - ticks % _SECOND
+                    seconds = _until_second(ticks)
+                text = f"{seconds}{(ticks - second) // 10:06d}Z"
             if time != text:
                 odd[k] = time
-            if channel not in codes:
-                first, device = self._run(of, start, channel, seq >> 32) << 34, ""
-            elif start != boot or seq >> 32 != block or of != device:
-                device, boot, block = of, start, seq >> 32
-                run = self._run(device, boot, "", block) << 34
-                first = run | codes[channel]
-            else:
-                first = run | codes[channel]
+            if start != boot or of != device or not low <= seq < high:
+                device, boot, low = of, start, seq - seq % _WINDOWS
+                high, bases = low + _WINDOWS, self._runs.setdefault((of, start, low), {})
+            base = bases.get(channel)
+            if base is None:
+                bases |= self._bases(of, start, channel, low)
+                base = bases[channel]
             S_follows = Vrms is not None and Irms is not None and Vrms * Irms == S
             PF_follows = PF is not None and P is not None and S is not None and S != 0 and P / S == PF
             if flags or schema != SCHEMA:
@@ -204,27 +213,19 @@ class _Numbers:
             else:
                 mark = plain[S_follows][PF_follows] or self._mark(SCHEMA, S_follows, PF_follows)
             values += (
-                first | (seq & 0xFFFFFFFF) << 2, mark, ticks, Vrms, Irms, P,
+                base + (seq << 2), mark, ticks, Vrms, Irms, P,
                 None if S_follows else S, None if PF_follows else PF, f, W,
             )  # fmt: skip
         return values, odd
 
-    def _text(self, ticks: int) -> str:
-        """The time that follows from `filetime`; empty where SQLite and Python do not make the same text."""
-        second, rest = divmod(ticks, 10_000_000)
-        if second != self._second[0]:
-            within = _FIRST <= ticks < _LAST
-            self._second = second, rfc3339(utc_ns(second * 10_000_000))[:20] if within else ""
-        return f"{self._second[1]}{rest // 10:06d}Z"
-
-    def _run(self, device: str, boot: str, channel: str, block: int) -> int:
-        """The id of the run whose first window is `block` << 32; `channel`: of one that has no code, else empty."""
-        key = device, boot, channel, block << 32
-        if key not in self._runs:
-            query = "SELECT id FROM power_run WHERE device = ? AND boot = ? AND channel = ? AND base = ?"
-            statement = "INSERT INTO power_run (device, boot, channel, base) VALUES (?, ?, ?, ?)"
-            self._runs[key] = self._id(query, statement, key)
-        return self._runs[key]
+    def _bases(self, device: str, boot: str, channel: str, low: int) -> dict[str, int]:
+        """What `_runs` has of a channel; all that have a code share a run."""
+        codes = _CODES if channel in _CODES else {channel: 0}
+        key = device, boot, "" if channel in _CODES else channel, low
+        query = "SELECT id FROM power_run WHERE device = ? AND boot = ? AND channel = ? AND base = ?"
+        statement = "INSERT INTO power_run (device, boot, channel, base) VALUES (?, ?, ?, ?)"
+        run = self._id(query, statement, key)
+        return {name: (run << 34) + code - (low << 2) for name, code in codes.items()}
 
     def _mark(self, schema: int, S_follows: bool, PF_follows: bool, *flags: str) -> int:
         query = 'SELECT id FROM power_mark WHERE flags = ? AND "S" = ? AND "PF" = ? AND "schema" = ?'
@@ -244,6 +245,11 @@ class _Numbers:
         if number is None:
             raise left_out(self._connection, 1)
         return int(number)
+
+
+def _until_second(ticks: int) -> str:
+    """The time of `ticks` up to the point; empty where SQLite and Python do not make the same text."""
+    return rfc3339(utc_ns(ticks - ticks % _SECOND))[:20] if _FIRST <= ticks < _LAST else ""
 
 
 def _stored(connection: sa.Connection, ids: Iterable[int]) -> Iterator[tuple[Any, ...]]:

@@ -9,10 +9,12 @@ from __future__ import annotations
 import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from operator import attrgetter
 from typing import Any, TypeAlias, cast
 
 import sqlalchemy as sa
 
+from acqd.garbage import uncollected
 from acqd.storage import boot_watch, events, keyed_rows, last_rows, quarantining, rows
 from acqd.storage.allowance import MALFORMED_BYTES_PER_DAY, Allowance
 from acqd.storage.boot_watch import BootWatch
@@ -34,6 +36,7 @@ from acqd.telemetry.spool import Stream
 _log = logging.getLogger(__name__)
 _Span: TypeAlias = tuple[int, int]
 """`filetime` of the oldest and the newest row."""
+_ticks, _seq = attrgetter("filetime"), attrgetter("seq")
 CONFLICT = "another row with this key is stored"
 
 
@@ -87,7 +90,8 @@ class Writer:
         """
         self.guard.open()
         self.witness.look()
-        return self._written(sort(messages))
+        with uncollected():  # a tenth of the time
+            return self._written(sort(messages))
 
     def _written(self, found: Sorted) -> Written:
         occurred, unusable = events.judged(found.events, self.witness)
@@ -115,7 +119,8 @@ class Writer:
         unreceipted = {id(good[k]) for k in batch.without_receipt}
         for stream, of in streams.items():
             written.receipts[stream] = Ranges()
-            written.receipts[stream].add_all([row.seq for row in of if not unreceipted or id(row) not in unreceipted])
+            named = [row for row in of if id(row) not in unreceipted] if unreceipted else of
+            written.receipts[stream].add_all(list(map(_seq, named)))
         for message, _ in [*kept, *impossible] if not sifted.unfinished else ():
             note_refused(written.receipts, message)
         for event in stored.events:
@@ -258,7 +263,7 @@ class _Batch:
 
 
 def _spans(streams: Mapping[Stream, Sequence[Row]]) -> dict[Stream, _Span]:
-    times = {stream: [row.filetime for row in of] for stream, of in streams.items()}
+    times = {stream: list(map(_ticks, of)) for stream, of in streams.items()}
     return {stream: (min(ticks), max(ticks)) for stream, ticks in times.items()}
 
 

@@ -7,7 +7,6 @@ something metered otherwise than the daemon did.
 
 from __future__ import annotations
 
-import gc
 import hashlib
 import json
 from collections.abc import Iterable, Iterator
@@ -21,6 +20,7 @@ from acqd.archive.segment import Segment
 from acqd.archive.segment_file import FULL
 from acqd.daemon.archive.origin import Again, kernel_name, state_of
 from acqd.errors import InputError
+from acqd.garbage import uncollected
 from acqd.metering import SampleBlock, WindowBatch
 from acqd.metering.joined import joined
 from acqd.metering.run import Run
@@ -64,13 +64,8 @@ class Remade:
 
 def remake(task: Task) -> Remade:
     """Meter a segment. Raises InputError for one without a state, OSError."""
-    collects = gc.isenabled()
-    gc.disable()  # rows are many and refer to nothing: looking at them takes a twelfth of the time
-    try:
+    with uncollected():  # a twelfth of the time
         return _remade(task)
-    finally:
-        if collects:
-            gc.enable()
 
 
 def _remade(task: Task) -> Remade:
