@@ -65,7 +65,7 @@ def _sqlite(connection: sa.Connection, rows: list[PowerRow]) -> list[int]:
 
 def _postgres(connection: sa.Connection, rows: list[PowerRow]) -> list[int]:
     """COPY straight into the table; by way of a staging table when a row is there already, or a trigger takes rows."""
-    values = [one if not one[_FLAGS] else _with_text(one) for one in map(msgspec.structs.astuple, rows)]
+    values = [_values(one) for one in map(msgspec.structs.astuple, rows)]
     try:
         with connection.begin_nested() as copied:
             if _copy(connection, "power", _QUOTED, values) == len(rows):
@@ -105,7 +105,7 @@ def _copy(connection: sa.Connection, table: str, columns: str, values: Sequence[
                 if lines is not None:
                     copy.write(lines)
                 for row in values if lines is None else ():
-                    copy.write_row(["[]" if one == [] else one for one in row])
+                    copy.write_row(row)
             return int(cursor.rowcount)
     except connection.dialect.loaded_dbapi.Error as error:  # SQLAlchemy does not see it
         raise sa.exc.DBAPIError("COPY", None, error) from error
@@ -126,6 +126,7 @@ def _lines(values: Sequence[tuple[Any, ...]]) -> bytes | None:
     return lines if len(found) - len(lines) == 2 * (len(values) - 1) else None
 
 
-def _with_text(values: tuple[Any, ...]) -> tuple[Any, ...]:
-    """The values of a row with its flags as their column has them."""
-    return *values[:_FLAGS], orjson.dumps(values[_FLAGS]).decode(), *values[_FLAGS + 1 :]
+def _values(row: tuple[Any, ...]) -> tuple[Any, ...]:
+    """As the columns have them."""
+    flags = row[_FLAGS]
+    return *row[:_FLAGS], orjson.dumps(flags).decode() if flags else "[]", *row[_FLAGS + 1 :]
