@@ -12,7 +12,7 @@ from acqd.storage.database import open_database
 from acqd.storage.schema import power
 from tests.storage.rows import row
 
-ODD = ['"', "\\", ",", "]", "[", "],[", '"],["', "\\.", "\n", "\r", "\t", "\\n", "null", "{", "}", "é", "𝄞", " ", "\x7f"]
+ODD = ['"', "\\", ",", "]", "[", "],[", '"],["', "\\.", "\n", "\r", "\t", "\\n", "null", "{", "é", "𝄞", " ", "\x7f"]
 NAMES = st.lists(st.sampled_from(ODD) | st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=3)).map(
     lambda parts: "".join(parts)[:64] or "null"
 )

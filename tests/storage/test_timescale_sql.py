@@ -105,9 +105,9 @@ def _without_options(connection, statement):
         assert re.fullmatch(OPTIONS[name], value), f"{name} = {value!r}"
     named = {word for value in options.values() for word in re.findall(r"[a-z]+", value)}
     assert named <= {column.name for column in power.columns}
-    with pytest.raises(sa.exc.DBAPIError, match='unrecognized parameter namespace "timescaledb"'):
-        with connection.begin_nested():
-            connection.exec_driver_sql(statement)
+    unknown = 'unrecognized parameter namespace "timescaledb"'
+    with pytest.raises(sa.exc.DBAPIError, match=unknown), connection.begin_nested():
+        connection.exec_driver_sql(statement)
     if statement.startswith("ALTER"):
         return "SELECT 1"
     return re.sub(r" WITH \(timescaledb\.\w+\)", "", statement)
