@@ -6,6 +6,7 @@ import contextlib
 import json
 import logging
 import os
+import stat
 import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
@@ -163,12 +164,15 @@ class RegisterFile:
         """Write into the blocks of the file before last, which then changes its name with the last one.
 
         A full disk takes that too: from the second time on, nothing new is allocated. A power cut between the names
-        leaves one of the two complete. Raises OSError.
+        leaves one of the two complete. What somebody else has a name for (a backup of hard links) is not written over.
+        Raises OSError.
         """
         spare, last = self._path.with_suffix(".new"), self._path.with_suffix(".last")
         # On the disk, these blocks may still have the name of the last file: a cut would leave them half written.
         self._confirm_names()
-        file = os.open(spare, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o640)
+        if not _ours_alone(spare):
+            spare.unlink(missing_ok=True)
+        file = os.open(spare, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o640)
         try:
             padded = content.ljust(-(-len(content) // _BLOCK) * _BLOCK)
             os.pwrite(file, padded, 0)
@@ -191,6 +195,15 @@ class RegisterFile:
                 os.fsync(folder)
             finally:
                 os.close(folder)
+
+
+def _ours_alone(path: Path) -> bool:
+    """Whether it is a file with this name only: neither a link, nor a pipe, nor a file of a backup by hard links."""
+    try:
+        status = path.lstat()
+    except FileNotFoundError:
+        return True
+    return stat.S_ISREG(status.st_mode) and status.st_nlink <= 1
 
 
 def greater(

@@ -141,6 +141,25 @@ def test_a_pipe_in_the_place_of_the_file_is_not_waited_for(tmp_path):
     assert instance_id(tmp_path) == instance_id(tmp_path)
 
 
+def test_what_others_have_a_name_for_is_not_written_over(tmp_path):
+    """Backups of hard links (`cp -al`, `rsync --link-dest`), links and pipes where the next readings go."""
+    register = RegisterFile(tmp_path, "box")
+    spare, backup, other = tmp_path / "energy-box.new", tmp_path / "backup.json", tmp_path / "other"
+    register.save([(1.0, 0.0)])
+    os.link(tmp_path / "energy-box.json", backup)
+    kept = backup.read_bytes()
+    for reading in (2.0, 3.0, 4.0):
+        register.save([(reading, 0.0)])
+    assert backup.read_bytes() == kept
+    other.write_text("of somebody else")
+    for odd in (lambda: spare.symlink_to(other), lambda: os.mkfifo(spare)):
+        spare.unlink()
+        odd()
+        register.save([(5.0, 0.0)])
+        assert register.trouble == ""
+    assert register.load(1) == [(5.0, 0.0)] and other.read_text() == "of somebody else"
+
+
 def test_the_last_run_is_asked_about_where_the_disk_may_lack_its_end(tmp_path):
     register = RegisterFile(tmp_path, "cell1")
     assert register.unfinished() is None
