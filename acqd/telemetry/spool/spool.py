@@ -141,7 +141,7 @@ class Spool:
         return [row for row in self._unread.values() if row.stream.device == device]
 
     def remove(self, stream: Stream, first: int, last: int) -> int:
-        """Rows first..last are delivered: forget them; how many waited."""
+        """Rows first..last are delivered: forget them, those of copies of a file, too; how many waited."""
         removed = 0
         for segment in list(self._log.segments):
             waiting = segment.pending.get(stream)
@@ -151,8 +151,6 @@ class Spool:
             if not waiting:
                 del segment.pending[stream]
                 self._log.delete_if_done(segment)
-            if removed > last - first:
-                break
         return removed
 
     def read(

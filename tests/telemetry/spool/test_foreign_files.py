@@ -32,6 +32,22 @@ def test_foreign_files_in_the_folder_stop_nothing_and_stay(tmp_path, name):
     assert foreign.exists() and len(Spool(tmp_path)) == len(again) > len(window(0))
 
 
+@pytest.mark.parametrize("copied", [shutil.copy, os.link])
+def test_rows_of_a_segment_that_was_copied_to_other_numbers_wait_until_they_are_stored_once(tmp_path, copied):
+    spool = Spool(tmp_path)
+    spool.append(window(0) + window(1))
+    spool.close()
+    (path,) = tmp_path.glob("*.seg")
+    for number in (5, 6):
+        copied(path, tmp_path / f"{number:016d}.seg")
+    again = Spool(tmp_path)
+    for stream, seq, _ in [*window(0), *window(1)]:
+        again.remove(stream, seq, seq)
+    assert not len(again) and not everything(again)
+    again.close()
+    assert not len(Spool(tmp_path))
+
+
 def pipe(path):
     os.mkfifo(path)
 
