@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import logging
 import os
+import shutil
 import sqlite3
 import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from typing import Any
+from typing import Any, NamedTuple
 
 import sqlalchemy as sa
 
@@ -27,7 +28,17 @@ from acqd.telemetry.receipts import Commits
 _log = logging.getLogger(__name__)
 _NAME = 12
 """Characters of a name in a receipt."""
+_LOG = "its write-ahead log (-wal)"
 _MOVED = "the file was moved away or deleted while the sink ran; put it back, or restart the sink"
+
+
+class _There(NamedTuple):
+    """A file of the database."""
+
+    identity: tuple[int, int]
+    """Device and inode."""
+    size: int
+    """Bytes."""
 
 
 class Guard:
@@ -76,6 +87,7 @@ class Guard:
             if self._unwritten:
                 state.write(connection, self._recalled_key, self.recalled)
             yield connection
+            self._check_connection(connection)
         self._number, self._unwritten = number, False
         if self._identity is not None:
             self._memory.committed(self._identity, number)
@@ -95,23 +107,49 @@ class Guard:
         if self._path is None:
             return
         about, now = connection.connection.info, self._stat()
-        if about.get("file") not in (None, now):
-            connection.invalidate()
-            self._engine.dispose()  # other threads have the old file open, too
-            raise self._away(_MOVED if now is None else "the file was replaced while the sink ran; opening the new one")
+        if about.get("file") not in (None, now and now.identity):
+            raise self._left(
+                connection,
+                _MOVED if now is None else "the file was replaced while the sink ran; opening the new one",
+            )
         log = self._stat("-wal")  # a transaction has begun, so SQLite has opened it
-        if about.setdefault("log", log) != log:
+        identity = log and log.identity
+        if about.setdefault("log", identity) != identity:
             if log is None:  # what is in it, through the descriptor that is open, goes into the file
                 opened: Any = connection.connection.dbapi_connection
                 with suppress(sqlite3.Error):
                     opened.rollback()
                     opened.execute("PRAGMA wal_checkpoint")
-            connection.invalidate()
-            self._engine.dispose()
-            raise self._away("its write-ahead log (-wal) was deleted or replaced while the sink ran; opening it again")
+            raise self._left(connection, f"{_LOG} was deleted or replaced while the sink ran; opening it again")
+        for name, there in (("the file", now), (_LOG, log)):
+            if there is not None and there.size < about.get(name, 0):
+                raise self._left(
+                    connection, f"{name} became shorter while the sink ran; opening it again", cut=there is log
+                )
+            about[name] = there.size if there is not None else 0
 
-    def _stat(self, suffix: str = "") -> tuple[int, int] | None:
-        """Device and inode of the file, or of its neighbour; None where it is not there.
+    def _left(self, connection: sa.Connection, reason: str, *, cut: bool = False) -> DatabaseAwayError:
+        """The next transaction opens the file again: what pages are in memory, and where, is true no more.
+
+        `cut`: the log is not whole. Whoever closes the file last moves what is there of a transaction into it, and a
+        part of one damages it; so nothing is there meanwhile. Whole ones count when the file is opened.
+        """
+        log = f"{os.path.realpath(str(self._path))}-wal"
+        kept = f"{log}.cut"
+        try:
+            if cut:
+                shutil.copyfile(log, kept)
+                os.truncate(log, 0)
+            connection.invalidate()
+            self._engine.dispose()  # other threads have the old file open, too
+            if cut:
+                os.replace(kept, log)
+        except OSError as error:
+            return self._away(f"{reason}: {error.strerror or error}")
+        return self._away(reason)
+
+    def _stat(self, suffix: str = "") -> _There | None:
+        """The file, or its neighbour; None where it is not there.
 
         SQLite has its log beside the file that a symbolic link leads to.
 
@@ -123,7 +161,7 @@ class Guard:
             return None
         except OSError as error:
             raise self._away(error.strerror or str(error)) from None
-        return found.st_dev, found.st_ino
+        return _There((found.st_dev, found.st_ino), found.st_size)
 
     def _ask_again(self) -> None:
         """Rows are missing that daemons still have. The name goes into the database with the next commit."""
@@ -136,6 +174,9 @@ class Guard:
             return state.read_some(connection, state.IDENTITY, self._key, self._run_key)
         except (sa.exc.OperationalError, sa.exc.ProgrammingError) as error:
             if "no such table" not in str(error.orig) and getattr(error.orig, "sqlstate", "") != "42P01":
+                if self._path is not None:  # what SQLite believes of the log is shared by all who have it open
+                    connection.invalidate()
+                    self._engine.dispose()
                 raise
             raise self._away(
                 "its tables are gone: empty, another one, or a schema that the role may not use; restart the sink to "

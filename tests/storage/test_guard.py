@@ -360,3 +360,38 @@ def test_a_log_that_was_deleted_costs_no_row(tmp_path, suffixes, name):
         writer.write([message(row(2))])
     writer.write([message(row(2))])
     assert count(open_database(str(path))) == 3 and not writer.guard.restored
+
+
+@pytest.mark.parametrize("viewed", [False, True])
+@pytest.mark.parametrize("left", [0.0, 0.5, 1.0])
+def test_a_log_that_was_cut_off_is_noticed_before_a_receipt_and_what_it_lacks_is_asked_for(tmp_path, left, viewed):
+    """`truncate`, or a rotation of logs that copies and truncates: SQLite would go on behind the hole."""
+    path = tmp_path / "a.sqlite"
+    log = path.with_name("a.sqlite-wal")
+    engine = open_database(str(path))
+    engine.dispose()  # the tables are in the file
+    writer = Writer(engine)
+    writer.write([message(row(k)) for k in range(100)])
+    viewer = read_database(str(path))
+    seen = viewer.connect() if viewed else None  # keeps the index of the log, and with it what SQLite believes of it
+    if seen is not None:
+        seen.exec_driver_sql("SELECT count(*) FROM power").scalar()
+        seen.rollback()
+    writer.write([message(row(100))])
+    recalled = writer.guard.recall
+    os.truncate(log, int(log.stat().st_size * left))
+    if left < 1:
+        with pytest.raises(DatabaseAwayError, match=r"\(-wal\) became shorter"):
+            writer.write([message(row(101))])
+    if seen is not None and left < 1:
+        with pytest.raises(sa.exc.DBAPIError):
+            writer.write([message(row(101))])
+        seen.close()
+    viewer.dispose()
+    writer.write([message(row(101))])
+    kept = count(open_database(str(path)))
+    assert (writer.guard.recall > recalled) == (kept < 102) == (left < 1)
+    writer.write([message(row(k)) for k in range(102)])
+    assert count(open_database(str(path))) == 102
+    with contextlib.closing(sqlite3.connect(path)) as connection:
+        assert connection.execute("PRAGMA integrity_check").fetchone() == ("ok",)
