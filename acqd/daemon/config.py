@@ -19,7 +19,7 @@ from acqd.daemon.modbus_sections import MetersSection
 from acqd.daemon.mqtt_section import MqttSection
 from acqd.daemon.quality_section import QualitySection
 from acqd.daemon.registers_section import RegistersSection
-from acqd.daemon.section import Host, Positive
+from acqd.daemon.section import BrokerName, Host, Positive
 from acqd.daemon.source_sections import SimulatedSection, SourceSection
 from acqd.daemon.spool_section import SpoolSection
 from acqd.daemon.web_section import WebSection
@@ -70,8 +70,8 @@ class SinkSection(Section):
 
     embedded: bool = False
     database: str = Field(default="acqd.sqlite", repr=False)
-    client_id: str = Field(default_factory=lambda: f"acqd-sink-{socket.gethostname()}", min_length=1)
-    group: Annotated[str, Field(pattern=r"^[^/+#]*$")] = ""
+    client_id: BrokerName = Field(default_factory=lambda: f"acqd-sink-{socket.gethostname()}", min_length=1)
+    group: Annotated[BrokerName, Field(pattern=r"^[^/+#]*$")] = ""
     batch: Annotated[int, Field(ge=1, le=50_000)] = 2_000
     interval: Annotated[float, Field(gt=0, le=10)] = 0.25
     keep_days: Annotated[float, Field(ge=0)] | None = None

@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from acqd.daemon.section import Host, Port
+from acqd.daemon.section import BrokerName, Host, Port
 from acqd.errors import UserError
 from acqd.section import FileName, Section
 from acqd.telemetry.mqtt import BrokerAddress
@@ -27,7 +27,7 @@ _CREDENTIALS = "$CREDENTIALS_DIRECTORY"
 class BrokerUser(Section):
     """The user of one service at the broker, where the broker knows the service by another name than the daemon."""
 
-    username: str
+    username: BrokerName
     password: str | None = Field(default=None, repr=False)
     password_file: FileName | None = None
     cert_file: FileName | None = None
@@ -47,7 +47,7 @@ class MqttSection(Section):
     enabled: bool = True
     host: Host = "127.0.0.1"
     port: Port = 1883
-    username: str | None = None
+    username: BrokerName | None = None
     password: str | None = Field(default=None, repr=False)
     password_file: FileName | None = None
     tls: bool | None = None

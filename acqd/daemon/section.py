@@ -16,8 +16,16 @@ def _metered(f: float) -> float:
     return f
 
 
+def _printable(text: str) -> str:
+    if not text.replace("\0", "").isprintable():  # NUL has a line of its own
+        raise ValueError("holds a character that cannot be printed: brokers end a connection that sends one")
+    return text
+
+
 Host = Annotated[str, Field(min_length=1), AfterValidator(bare_host)]
 """Name or address of a computer."""
+BrokerName = Annotated[str, AfterValidator(_printable)]
+"""What a broker knows a client by."""
 Port = Annotated[int, Field(ge=1, le=65_535)]
 Positive = Annotated[float, Field(gt=0)]
 Share = Annotated[float, Field(ge=0, le=1)]
