@@ -14,8 +14,8 @@ _AGREE_S = 60.0
 _LATELY_S, _SPAN_S = 30.0, 5.0
 """Receipts that count, and the time between the first and the last of them before anything is said: one may be late."""
 _MOST = 256
-_LAST_S = 4e9
-"""A clock that was never set shows 1970 or later; what lies outside of 1970 to 2096 is no clock's time."""
+_LAST_S = 253_402_214_400
+"""The last day of 9999. A clock that was never set shows 1970 or later, one with a broken battery 2099 or 2106."""
 
 
 class ClockMatch:
