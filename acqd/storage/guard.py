@@ -28,6 +28,8 @@ from acqd.telemetry.receipts import Commits
 _log = logging.getLogger(__name__)
 _NAME = 12
 """Characters of a name in a receipt."""
+_HEAD, _FRAME = 32, 24
+"""Of the write-ahead log, and of each page in it [bytes]."""
 _LOG = "its write-ahead log (-wal)"
 _MOVED = "the file was moved away or deleted while the sink ran; put it back, or restart the sink"
 
@@ -61,7 +63,7 @@ class Guard:
         """Times that the database may lack rows that daemons still have: they are to be sent again."""
         self.recalled = ""
         """Name of the last such event, also of an earlier start: daemons may have been away since. Empty: none."""
-        self._unwritten = False
+        self._unwritten, self._head = False, b""
         self.commits: Commits | None = None
         """Of the last transaction, for receipts; None before the first one. Other threads read it."""
 
@@ -87,7 +89,9 @@ class Guard:
             if self._unwritten:
                 state.write(connection, self._recalled_key, self.recalled)
             yield connection
-            self._check_connection(connection)
+            end = self._end_of_log(self._check_connection(connection))
+        if end and not self._page_at(end):
+            raise self._left(None, f"{_LOG} was cut off while the sink wrote to it; opening it again", cut=True)
         self._number, self._unwritten = number, False
         if self._identity is not None:
             self._memory.committed(self._identity, number)
@@ -103,16 +107,17 @@ class Guard:
             self._engine.dispose()
             raise self._away(_MOVED)
 
-    def _check_connection(self, connection: sa.Connection) -> None:
+    def _check_connection(self, connection: sa.Connection) -> int:
+        """The length of the log; 0: there is none [bytes]."""
         if self._path is None:
-            return
+            return 0
         about, now = connection.connection.info, self._stat()
         if about.get("file") not in (None, now and now.identity):
             raise self._left(
                 connection,
                 _MOVED if now is None else "the file was replaced while the sink ran; opening the new one",
             )
-        log = self._stat("-wal")  # a transaction has begun, so SQLite has opened it
+        log = self._stat(self._log)  # a transaction has begun, so SQLite has opened it
         identity = log and log.identity
         if about.setdefault("log", identity) != identity:
             if log is None:  # what is in it, through the descriptor that is open, goes into the file
@@ -123,40 +128,71 @@ class Guard:
             raise self._left(connection, f"{_LOG} was deleted or replaced while the sink ran; opening it again")
         for name, there in (("the file", now), (_LOG, log)):
             if there is not None and there.size < about.get(name, 0):
-                raise self._left(
-                    connection, f"{name} became shorter while the sink ran; opening it again", cut=there is log
-                )
+                reason = f"{name} became shorter while the sink ran; opening it again"
+                raise self._left(connection, reason, cut=there is log and self._head_of_log() == self._head)
             about[name] = there.size if there is not None else 0
+        return log.size if log is not None else 0
 
-    def _left(self, connection: sa.Connection, reason: str, *, cut: bool = False) -> DatabaseAwayError:
+    def _end_of_log(self, size: int) -> int:
+        """Where the last page in the log begins; 0: none is there.
+
+        A log that is cut off while it is written to has its length again, with a hole in it: the page is gone then
+        (SQLite, "WAL-mode file format", sections 1 and 2).
+        """
+        if not size:
+            return 0
+        self._head = self._head_of_log()
+        page = int.from_bytes(self._head[8:12], "big") + _FRAME
+        begin = (size - _HEAD) // page * page - page + _HEAD
+        return begin if page > _FRAME and begin >= _HEAD and self._page_at(begin) else 0
+
+    def _head_of_log(self) -> bytes:
+        """Whoever empties the log as SQLite does writes another one; empty where the disk does not say."""
+        with suppress(OSError), open(self._log, "rb", buffering=0) as log:
+            return log.read(_HEAD)
+        return b""
+
+    def _page_at(self, begin: int) -> bool:
+        """Whether there is one in the log: none has the number 0. True where the disk does not say."""
+        try:
+            with open(self._log, "rb", buffering=0) as log:
+                log.seek(begin)
+                return any(log.read(4))
+        except OSError:
+            return True  # the next transaction looks for the file
+
+    @property
+    def _log(self) -> str:
+        """SQLite has it beside the file that a symbolic link leads to."""
+        return f"{os.path.realpath(str(self._path))}-wal"
+
+    def _left(self, connection: sa.Connection | None, reason: str, *, cut: bool = False) -> DatabaseAwayError:
         """The next transaction opens the file again: what pages are in memory, and where, is true no more.
 
         `cut`: the log is not whole. Whoever closes the file last moves what is there of a transaction into it, and a
         part of one damages it; so nothing is there meanwhile. Whole ones count when the file is opened.
         """
-        log = f"{os.path.realpath(str(self._path))}-wal"
-        kept = f"{log}.cut"
+        kept = f"{self._log}.cut"
         try:
             if cut:
-                shutil.copyfile(log, kept)
-                os.truncate(log, 0)
-            connection.invalidate()
+                shutil.copyfile(self._log, kept)
+                os.truncate(self._log, 0)
+            if connection is not None:
+                connection.invalidate()
             self._engine.dispose()  # other threads have the old file open, too
             if cut:
-                os.replace(kept, log)
+                os.replace(kept, self._log)  # who else has the file open keeps the empty log, and moves nothing
         except OSError as error:
             return self._away(f"{reason}: {error.strerror or error}")
         return self._away(reason)
 
-    def _stat(self, suffix: str = "") -> _There | None:
-        """The file, or its neighbour; None where it is not there.
-
-        SQLite has its log beside the file that a symbolic link leads to.
+    def _stat(self, path: str | None = None) -> _There | None:
+        """The file, or its log; None where it is not there.
 
         Raises DatabaseAwayError where its disk or share does not say.
         """
         try:
-            found = os.stat(f"{os.path.realpath(str(self._path))}{suffix}")
+            found = os.stat(path or str(self._path))
         except FileNotFoundError:
             return None
         except OSError as error:

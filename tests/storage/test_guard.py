@@ -395,3 +395,24 @@ def test_a_log_that_was_cut_off_is_noticed_before_a_receipt_and_what_it_lacks_is
     assert count(open_database(str(path))) == 102
     with contextlib.closing(sqlite3.connect(path)) as connection:
         assert connection.execute("PRAGMA integrity_check").fetchone() == ("ok",)
+
+
+@pytest.mark.parametrize("left", [0.0, 0.6])
+def test_rows_of_a_commit_that_leaves_a_hole_in_the_log_have_no_receipt(tmp_path, left):
+    path = tmp_path / "a.sqlite"
+    engine = open_database(str(path))
+    engine.dispose()
+    writer = Writer(engine)
+    writer.write([message(row(k)) for k in range(100)])
+    log = path.with_name("a.sqlite-wal")
+
+    def cut(_):
+        os.truncate(log, int(log.stat().st_size * left))
+
+    sa.event.listen(engine, "commit", cut, once=True)
+    with pytest.raises(DatabaseAwayError, match="cut off while"):
+        writer.write([message(row(100))])
+    writer.write([message(row(k)) for k in range(101)])
+    assert count(open_database(str(path))) == 101
+    with contextlib.closing(sqlite3.connect(path)) as connection:
+        assert connection.execute("PRAGMA integrity_check").fetchone() == ("ok",)
