@@ -103,6 +103,7 @@ _NEEDS = {
 _FILES = {
     "sink's disk answers errors", "database moved away", "database put back", "database put back at rest",
     "database put back unseen", "mounted over the database", "sink's files limited", "sink's computer put back",
+    "database's log cut off",
 }  # fmt: skip
 """Faults of a database that is a file."""
 

@@ -1,14 +1,15 @@
-"""Faults of paths: what is behind a name is moved, mounted over, put back as a whole, or may not grow."""
+"""Faults of paths: what is behind a name is moved, copied, cut off, mounted over, put back, or may not grow."""
 
 from __future__ import annotations
 
+import os
 import random
 import resource
 import shutil
 import subprocess
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 
 from tools.studies.faults.bed import Bed
@@ -70,6 +71,35 @@ def computer_put_back(bed: Bed, chance: random.Random) -> None:
             service.start()
 
 
+def log_cut_off(bed: Bed, chance: random.Random) -> None:
+    """Somebody cuts off the write-ahead log of the file, all or a part of it, as a rotation of logs that truncates."""
+    _wait_for_rows(bed)
+    bed.engine.dispose()  # whoever has the file open keeps what SQLite believes of the log
+    log = Path(f"{bed.engine.url.database}-wal")
+    with suppress(FileNotFoundError):
+        os.truncate(log, int(log.stat().st_size * chance.choice([0.0, 0.5, 0.9])))
+    pause(chance, 1.0, 4.0)
+    if bed.sidecar is not None:  # it looks which logs are done when it starts
+        bed.sidecar.stop()
+        bed.sidecar.start()
+
+
+def segments_copied(bed: Bed, chance: random.Random) -> None:
+    """Rows wait in a file that somebody copies or links to later numbers, and the daemon is killed."""
+    proxy = bed.proxies["daemon"]
+    proxy.mode = "refuse"
+    proxy.reset()
+    pause(chance, 1.0, 3.0)
+    found = [path for path in sorted(bed.folder.rglob("spool-*/*.seg")) if path.stem.isdigit()]
+    for path in found[-1:]:
+        for more in (2, 3):
+            later = path.with_name(f"{int(path.stem) + more:016d}.seg")
+            chance.choice([shutil.copy, os.link])(path, later)
+    bed.daemon.kill()
+    bed.daemon.start()
+    proxy.mode = "pass"
+
+
 def _wait_for_rows(bed: Bed) -> None:
     """Until the sink stores rows: a start takes a while on a busy computer."""
     offset, deadline = bed.taped(), time.monotonic() + _WAITS_S
@@ -111,4 +141,6 @@ FAULTS: dict[str, Fault] = {
     "mounted over the database": lasting(mounted_over("database")),
     "sink's files limited": lasting(files_limited),
     "sink's computer put back": computer_put_back,
+    "database's log cut off": log_cut_off,
+    "segments copied": segments_copied,
 }
