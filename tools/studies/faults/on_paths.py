@@ -94,7 +94,10 @@ def segments_copied(bed: Bed, chance: random.Random) -> None:
     for path in found[-1:]:
         for more in (2, 3):
             later = path.with_name(f"{int(path.stem) + more:016d}.seg")
-            chance.choice([shutil.copy, os.link])(path, later)
+            if chance.random() < 0.5:
+                shutil.copy(path, later)
+            else:
+                os.link(path, later)
     bed.daemon.kill()
     bed.daemon.start()
     proxy.mode = "pass"
