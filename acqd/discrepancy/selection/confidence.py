@@ -2,8 +2,9 @@
 
 The evidence of two hypotheses differs by a sum over recordings; its error follows from their spread (the test of
 non-nested models of Vuong 1989). Columns that are wrong by a share kappa add what they could move from one to the
-other. Nothing is drawn at random. Rivals that the leader does not exceed by the margin are its family: the data cannot
-tell them apart (ADR 26).
+other. Nothing is drawn at random. Rivals that the leader does not exceed by the margin, or that alone deny it the least
+confidence, are its family: the data cannot tell them apart (ADR 26). Otherwise a name would be said beside a rival that
+is as good, and not beside one that is a little worse.
 """
 
 from __future__ import annotations
@@ -61,8 +62,11 @@ def confidence(selection: Selection, selected: Selected) -> Confidence:
     share = _share(odds, names)
     shares = odds * share
     near = [
-        rival.candidate for rival in rivals
-        if rival.candidate.id and own.evidence - rival.evidence < margin(rows, gate, rival, [own], kinds)
+        rival.candidate for k, rival in enumerate(rivals)
+        if rival.candidate.id and (
+            own.evidence - rival.evidence < margin(rows, gate, rival, [own], kinds)
+            or _share(odds[[k]], names[[k]]) < THRESHOLDS.least_confidence
+        )
     ]  # fmt: skip
     ids = {candidate.id for candidate in near}
     strangers = ~np.isin(names, sorted(ids))

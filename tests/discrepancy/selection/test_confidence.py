@@ -30,6 +30,18 @@ def test_a_tie_is_said_as_a_family(warm):
     assert found.share < 0.85 < found.family_share <= 1 - THRESHOLDS.chance
 
 
+@pytest.mark.parametrize(("odds", "family"), [(0.1, False), (0.25, True)])
+def test_a_rival_that_denies_the_name_its_confidence_is_of_the_family(warm, monkeypatch, odds, family):
+    """However far ahead the name is: no rival that is a little worse may silence what one as good would not."""
+    monkeypatch.setattr(sure, "margin", lambda *_: -1e9)
+    effect = warm.effects[0]
+    other = "thermal_friction" if effect.id == "viscous_friction" else "viscous_friction"
+    monkeypatch.setattr(sure, "_odds", lambda _, __, ___, rival, *____: odds if rival.candidate.id == other else 0.0)
+    found = confidence(warm, effect)
+    assert bool(found.family) == family
+    assert found.family_share > THRESHOLDS.least_confidence
+
+
 def test_an_effect_that_would_draw_the_same_power_shares_the_confidence(warm):
     effect = warm.effects[0]
     alone = confidence(warm, effect)
