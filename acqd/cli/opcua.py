@@ -38,6 +38,6 @@ def opcua(config: ConfigFile = None, host: Host = None, port: Port = None, json:
         stop.set()
         await asyncio.gather(serving, relaying)
 
-    check_port(section.host, section.port, "OPC UA")
+    check_port(section.host, section.port, "OPC UA", "[opcua] port")
     print(orjson.dumps({"endpoint": server.endpoint}).decode() if json else f"serving {server.endpoint}", flush=True)
     asyncio.run(until_stopped(both))

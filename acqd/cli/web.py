@@ -52,13 +52,15 @@ def web(
     section = chosen.web.model_copy(update={name: value for name, value in given.items() if value is not None})
     if embedded and "NOTIFY_SOCKET" in os.environ:
         section = without_work(section)
-    check_port(section.host, section.port, "page")
+    check_port(section.host, section.port, "page", "--web-port or [web] port")
     settings = settings_of(chosen, database or chosen.sink.database, section)
     server = Server(settings)
     if embedded:
         print("ready", flush=True)
         _log.info("look at %s", settings.address)
     else:
+        if port is not None and web_port is None:
+            print(f"acqd: --port {port} is that of the broker; --web-port is that of the page", file=sys.stderr)
         address = orjson.dumps({"address": settings.address}).decode()
         print(address if json else f"look at {settings.address}", flush=True)
     server.run()

@@ -45,6 +45,18 @@ def has_rows(engine: sa.Engine, device: str, begin: int, end: int) -> bool:
         return bool(stored.channels(connection, device, begin, end))
 
 
+def is_simulated(engine: sa.Engine, device: str) -> bool:
+    """Whether the newest row of a device is simulated."""
+    with engine.connect() as connection:
+        return stored.newest_has_flag(connection, device, "simulated")
+
+
+def stored_span(engine: sa.Engine, device: str) -> tuple[int, int] | None:
+    """Unix times [s] of the first and the last row or roll-up of a device; None without any."""
+    with engine.connect() as connection:
+        return stored.stored_span(connection, device)
+
+
 def span_text(connection: sa.Connection, device: str, zone: tzinfo = UTC) -> str:
     """From when to when rows or roll-ups of a device are stored, in words."""
     span = stored.stored_span(connection, device)

@@ -49,7 +49,7 @@ class DeviceRow:
 
 def device_row(
     device: str, account: Account | None, heard: Heard | None, alarms: Sequence[Mapping[str, Any]],
-    found: Mapping[str, Any] | None, earlier: bool = False,
+    found: Mapping[str, Any] | None, *, earlier: bool = False, simulated: bool = False,
 ) -> DeviceRow:  # fmt: skip
     """`account`: of 14 days, one period each; None: no rows in that time. `alarms`: of this device and its daemon.
 
@@ -76,7 +76,7 @@ def device_row(
         _change(usual), tuple(one.kWh if one else None for one in usual),
         sum(one.missing_s for one in days[7:]), ", ".join(sorted({str(each["acknowledged_by"]) for each in alarms
                                                                  if each.get("acknowledged_by")})),
-        None if found is None else found["report"], account is not None and account.simulated,
+        None if found is None else found["report"], simulated,
     )  # fmt: skip
 
 

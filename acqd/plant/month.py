@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -19,7 +19,7 @@ from acqd.energy.account import Account, Period, sum_of
 from acqd.energy.comparison import Comparison, compare
 from acqd.energy.page import euros, watts
 from acqd.energy.periods import Range, boundaries, current, last_range, parse_moment, this_range
-from acqd.energy.read import devices
+from acqd.energy.read import devices, has_rows, stored_span
 from acqd.energy.rules import Rules
 from acqd.energy.tables import standby_share
 from acqd.errors import UserError
@@ -119,11 +119,28 @@ def read_month(
         elif name in before:
             gone.append(name)
     if not accounts:
-        shown = f"{datetime.fromtimestamp(chosen.begin, rules.zone):%Y-%m}"
-        raise UserError(f"no device has rows in {shown}; choose another --month")
+        stored = _stored_months(engine, names, rules.zone)
+        remedy = f"rows are stored in {stored}: choose one with --month" if stored else "`acqd sink` stores them"
+        raise UserError(f"no device has rows in {month_name(chosen, rules.zone)}; {remedy}")
     accounts.sort(key=lambda account: -(account.total.nWh or 0))
     changes = {name: row for name, row in found.items() if chosen.begin <= (row["since_s"] or 0) < chosen.end}
     return Month(chosen, rules, accounts, days, before, changes, trouble, gone)
+
+
+def _stored_months(engine: sa.Engine, names: Sequence[str], zone: ZoneInfo) -> str:
+    """Months in which a device has rows, as `2026-01, 2026-03 to 2026-05`."""
+    spans = [span for name in names if (span := stored_span(engine, name))]
+    runs: list[list[str]] = []
+    month = current("month", min((first for first, _ in spans), default=0), zone)
+    goes_on = False
+    while spans and month.begin < max(end for _, end in spans):
+        known = any(has_rows(engine, name, month.begin, month.end) for name in names)
+        if known and goes_on:
+            runs[-1][1:] = [month_name(month, zone)]
+        elif known:
+            runs.append([month_name(month, zone)])
+        goes_on, month = known, current("month", month.end, zone)
+    return ", ".join(" to ".join(run) for run in runs)
 
 
 def month_page(month: Month, out: Path) -> Page:
@@ -132,7 +149,7 @@ def month_page(month: Month, out: Path) -> Page:
                 kind="month")  # fmt: skip
     page.verdict(_verdict(month))
     page.heading("Days")
-    page.lines(_days(month), "Energy of all devices by day; interrupted where a device has no row of a day")
+    page.lines(_days(month), "Energy of all devices by day; no bar where a device has no row of a day")
     page.heading("Devices")
     total = month.total.kWh
     length = duration(month.chosen.end - month.chosen.begin)
@@ -218,7 +235,9 @@ def _days(month: Month) -> Chart:
     values = np.array([one.kWh if one.kWh is not None and one.known_s > 0 else np.nan for one in days])
     number_of_day = np.arange(1.0, len(days) + 1)
     alt = f"Energy of all devices on the {len(days)} days of {month.name}."
-    return Chart(number_of_day, "day of the month", [Panel("kWh", [Line("energy", values, "after")])], alt)
+    return Chart(
+        number_of_day, "day of the month", [Panel("energy [kWh]", [Line("energy", values, "after")], bars=True)], alt
+    )
 
 
 def _linked(name: str, row: Mapping[str, Any], out: Path) -> str | Link:

@@ -10,7 +10,7 @@ import sqlalchemy as sa
 
 from acqd.energy.account import Account
 from acqd.energy.periods import days_before
-from acqd.energy.read import devices, has_rows, read_accounts
+from acqd.energy.read import devices, has_rows, is_simulated, read_accounts
 from acqd.energy.rules import Rules
 from acqd.errors import UserError
 from acqd.plant.device_row import DAYS, SEVERITIES, DeviceRow, device_row
@@ -65,7 +65,9 @@ def read_plant(
         of_daemon = alarms.get(daemon, []) if daemon is not None and daemon not in names else []
         attached |= {daemon} if daemon is not None else set()
         earlier = account is None and not has_rows(engine, name, cuts[-2], end) and has_rows(engine, name, 0, end)
-        rows.append(device_row(name, account, heard, [*alarms.get(name, []), *of_daemon], found.get(name), earlier))
+        own = [*alarms.get(name, []), *of_daemon]
+        simulated = is_simulated(engine, name) if account is None else account.simulated
+        rows.append(device_row(name, account, heard, own, found.get(name), earlier=earlier, simulated=simulated))
     rows.sort(key=lambda row: (SEVERITIES.index(row.severity), -(row.kWh or 0.0), row.device))
     loose = [alarm for key, of_key in alarms.items() if key not in attached for alarm in of_key]
     return Plant(rows, rules, end, heard, trouble, loose)

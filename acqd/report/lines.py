@@ -5,7 +5,7 @@ from __future__ import annotations
 import html
 import json
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -40,6 +40,8 @@ class Panel:
     height: int = 260
     zero: bool = False
     """Draw a line at zero."""
+    bars: bool = False
+    """Draw bars from zero: sums over equal spans, of which a single one is a picture, too."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,10 +74,7 @@ class Chart:
                 if not unknown.all():
                     kept |= {int(stretch[np.nanargmin(values)]), int(stretch[np.nanargmax(values)])}
         rows = np.array(sorted(kept))
-        panels = [
-            Panel(p.label, [Line(o.name, o.values[rows], o.colour) for o in p.lines], p.height, p.zero)
-            for p in self.panels
-        ]
+        panels = [replace(p, lines=[Line(o.name, o.values[rows], o.colour) for o in p.lines]) for p in self.panels]
         return Chart(self.x[rows], self.x_label, panels, self.alt)
 
     def values(self) -> str:
@@ -91,7 +90,7 @@ class Chart:
         label = html.escape(self.alt)
         return (
             f'<svg role="img" aria-label="{label}" viewBox="0 0 {width} {drawing.height}" '
-            f'data-from="{drawing.left}" data-to="{width - _RIGHT}" preserveAspectRatio="xMidYMid meet">'
+            f'data-from="{drawing.first:g}" data-to="{drawing.last:g}" preserveAspectRatio="xMidYMid meet">'
             f"{drawing.text}</svg>"
         )
 
@@ -101,18 +100,20 @@ class _Drawing:
 
     def __init__(self, chart: Chart, width: int, scale: float) -> None:
         self.width = width
-        self.x_range = float(chart.x[0]), float(chart.x[-1])
+        self.bar = _bar_width(chart)
+        self.x_range = float(chart.x[0]) - self.bar / 2, float(chart.x[-1]) + self.bar / 2
         heights = [max(round(panel.height * scale), _label_height(panel)) for panel in chart.panels]
         scales = [_scale(panel, height) for panel, height in zip(chart.panels, heights, strict=True)]
         longest = max((len(f"{tick:g}") for _, _, own in scales for tick in own), default=0)
         self.left = max(_LEFT, math.ceil(_LEFT + (longest - 4) * _CHARACTER))  # beside the label of the axis
+        self.first, self.last = (float(place) for place in self._x(chart.x[[0, -1]]))
         top, parts = _TOP, []
         for panel, axis, height in zip(chart.panels, scales, heights, strict=True):
             parts.append(self._panel(chart, panel, axis, top, height))
             top += height + _GAP
         bottom = top - _GAP
         self.height = bottom + _BOTTOM
-        parts.append(self._x_axis(chart.x_label, bottom))
+        parts.append(self._x_axis(chart, bottom))
         parts.append(f'<line class="cursor" x1="0" x2="0" y1="{_TOP}" y2="{bottom}"/>')
         self.text = "".join(parts)
 
@@ -125,25 +126,40 @@ class _Drawing:
         parts = []
         for tick in marks:
             y = round(top + (high - tick) / (high - low) * height, 1)
-            kind = "axis" if panel.zero and tick == 0 else "grid"
+            kind = "axis" if (panel.zero or panel.bars) and tick == 0 else "grid"
             parts.append(f'<line class="{kind}" x1="{self.left}" x2="{self.width - _RIGHT}" y1="{y}" y2="{y}"/>')
             parts.append(f'<text x="{self.left - 6}" y="{y + 4}" text-anchor="end">{tick:g}</text>')
         x = self._x(chart.x)
         for line in panel.lines:
             heights = np.round(top + (high - line.values) / (high - low) * height, 1)
-            parts.append(f'<path class="{line.colour}" d="{_path(np.round(x, 1), heights)}"/>')
+            if panel.bars:
+                half = 0.4 * (self._x(chart.x[:1] + self.bar)[0] - x[0])
+                foot = round(top + high / (high - low) * height, 1)
+                path = _bars(np.round(x - half, 1), np.round(x + half, 1), heights, foot)
+                parts.append(f'<path class="bar {line.colour}" d="{path}"/>')
+            else:
+                parts.append(f'<path class="{line.colour}" d="{_path(np.round(x, 1), heights)}"/>')
         place, label = f"translate(13 {top + height / 2}) rotate(-90)", html.escape(panel.label)
         parts.append(f'<text transform="{place}" text-anchor="middle">{label}</text>')
         return "".join(parts)
 
-    def _x_axis(self, label: str, bottom: int) -> str:
+    def _x_axis(self, chart: Chart, bottom: int) -> str:
         parts = [f'<line class="axis" x1="{self.left}" x2="{self.width - _RIGHT}" y1="{bottom}" y2="{bottom}"/>']
         for tick in ticks(*self.x_range, max(3, self.width // 110)):
+            if self.bar and not np.isclose(chart.x, tick).any():
+                continue  # between bars there is nothing
             x = float(self._x(np.array([tick]))[0])
             parts.append(f'<text x="{x:.1f}" y="{bottom + 17}" text-anchor="middle">{tick:g}</text>')
         middle = (self.left + self.width - _RIGHT) / 2
-        parts.append(f'<text x="{middle}" y="{bottom + 35}" text-anchor="middle">{html.escape(label)}</text>')
+        parts.append(f'<text x="{middle}" y="{bottom + 35}" text-anchor="middle">{html.escape(chart.x_label)}</text>')
         return "".join(parts)
+
+
+def _bar_width(chart: Chart) -> float:
+    """Distance of the bars of a chart that has any, in units of x; 1 of a single bar; 0 without bars."""
+    if not any(panel.bars for panel in chart.panels):
+        return 0.0
+    return float(np.diff(chart.x).min()) if len(chart.x) > 1 else 1.0
 
 
 def _label_height(panel: Panel) -> int:
@@ -158,6 +174,8 @@ _Axis = tuple[float, float, list[float]]
 def _scale(panel: Panel, height: int) -> _Axis:
     known = np.concatenate([line.values[np.isfinite(line.values)] for line in panel.lines] or [np.zeros(1)])
     low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, 1.0)
+    if panel.bars:
+        low, high = min(low, 0.0), max(high, 0.0)
     if high - low < _ONE_VALUE * abs(high):
         low, high = low - 0.1 * abs(low), high + 0.1 * abs(high)
     margin = 0.05 * max(high - low, 1e-9)
@@ -188,6 +206,11 @@ def _path(x: Values, y: Values) -> str:
         f"{'L' if before[k] else 'M'}{x[k]:g} {y[k]:g}{'' if before[k] or after[k] else 'h0'}"
         for k in np.flatnonzero(known)
     )
+
+
+def _bars(left: Values, right: Values, y: Values, foot: float) -> str:
+    """Rectangles from the height of zero, `foot`; none for an unknown value."""
+    return "".join(f"M{left[k]:g} {foot:g}V{y[k]:g}H{right[k]:g}V{foot:g}Z" for k in np.flatnonzero(np.isfinite(y)))
 
 
 def _rounded(values: Values) -> list[float | None]:

@@ -119,10 +119,20 @@ def row_interval(connection: sa.Connection, device: str, channel: str, begin: in
 
 
 def has_flag(connection: sa.Connection, device: str, channel: str, begin: int, end: int, flag: str) -> bool:
-    """Whether the newest row between two Unix times [s] has a flag."""
+    """Whether the newest row between two Unix times [s] has a flag; where only roll-ups are left, see below."""
     c = power.c
     query = sa.select(c.flags).where(c.device == device, c.channel == channel)
     query = query.where(c.filetime >= _ticks(begin), c.filetime < _ticks(end)).order_by(c.filetime.desc()).limit(1)
+    flags = connection.execute(query).scalar()
+    return newest_has_flag(connection, device, flag) if flags is None else flag in flags
+
+
+def newest_has_flag(connection: sa.Connection, device: str, flag: str) -> bool:
+    """Whether the newest row of a device has a flag: the only witness of times whose rows are deleted."""
+    ends = _ends_of_rows(connection, device)
+    if ends is None:
+        return False
+    query = sa.select(power.c.flags).where(power.c.device == device, power.c.filetime == ends[1]).limit(1)
     return flag in (connection.execute(query).scalar() or ())
 
 

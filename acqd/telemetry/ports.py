@@ -23,8 +23,8 @@ def bare_host(host: str) -> str:
     return host
 
 
-def check_port(host: str, port: int, of: str = "broker") -> None:
-    """Raise UserError unless this process may listen on host:port; `of` is what wants to."""
+def check_port(host: str, port: int, of: str = "broker", setting: str = "") -> None:
+    """Raise UserError unless this process may listen on host:port; `of` wants to, and `setting` chooses its port."""
     with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
@@ -36,7 +36,7 @@ def check_port(host: str, port: int, of: str = "broker") -> None:
                 ) from None
             raise UserError(
                 f"{of} port {host}:{port} cannot be used ({error.strerror}): is another {of} running there? "
-                "Use that one, or choose another port"
+                f"Use that one, or choose another port{setting and f' with {setting}'}"
             ) from None
 
 

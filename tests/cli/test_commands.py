@@ -1,6 +1,7 @@
 """The tree of commands imports what a command line needs."""
 
 import re
+import socket
 import subprocess
 import sys
 from collections import defaultdict
@@ -10,7 +11,7 @@ import typer.main
 from rich import markup
 
 from acqd.cli.commands import command_tree
-from tests.commands import acqd_here
+from tests.commands import acqd_here, refused
 from tests.places import ROOT
 
 
@@ -97,3 +98,17 @@ def test_a_command_imports_nothing_of_the_others(command, unused):
     imported = set(done.stdout.split())
     assert f"acqd.cli.{command}" in imported or f"acqd.cli.models.{command}" in imported
     assert not imported & set(unused)
+
+
+def test_the_port_of_the_page_is_not_that_of_the_broker(tmp_path, monkeypatch):
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        refusal = refused(acqd_here("web", "--database", tmp_path / "p.sqlite", "--web-port", port, cwd=tmp_path))
+    assert f"page port 127.0.0.1:{port} cannot be used" in refusal and "with --web-port or [web] port" in refusal
+    monkeypatch.setattr("acqd.web.server.Server.run", lambda self: None)
+    (tmp_path / "acqd.toml").write_text(f"[web]\nport = {port}\n")
+    told = "--port 1884 is that of the broker; --web-port is that of the page"
+    asked = ("web", "--config", tmp_path / "acqd.toml", "--port", 1884)
+    assert told in acqd_here(*asked).stderr and told not in acqd_here(*asked, "--web-port", port).stderr

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from datetime import datetime
 from zoneinfo import ZoneInfo
 
@@ -11,6 +12,7 @@ import pytest
 import sqlalchemy as sa
 
 from acqd.energy.rules import Rules
+from acqd.errors import UserError
 from acqd.fleet.summary import judged, report_of
 from acqd.plant.heard import Heard
 from acqd.plant.inventory import inventory
@@ -20,10 +22,12 @@ from acqd.plant.plant import read_plant
 from acqd.plant.remembered import file_of, remember
 from acqd.storage.database import open_database, read_database, transaction
 from acqd.storage.schema import power_15min
+from acqd.storage.writer import Writer
 from tests.browser import chromium, looks, serious_findings
 from tests.commands import acqd_here, refused
 from tests.fleet.findings import START_S, cause, screened
 from tests.integrations.messages import status
+from tests.storage.rows import message, row
 from tests.waiting import finish
 
 BERLIN = ZoneInfo("Europe/Berlin")
@@ -223,6 +227,40 @@ def quarters(path, *of):
     with transaction(engine) as connection:
         connection.execute(sa.insert(power_15min), rows)
     return engine
+
+
+@pytest.mark.parametrize("simulated", [False, True])
+def test_pages_of_simulated_devices_say_so_on_the_first_day_and_where_rows_are_deleted(tmp_path, simulated):
+    """`press-1` has roll-ups of October and a row of today, `press-2` rows of today alone."""
+    engine = quarters(tmp_path / "p.sqlite", ("press-1", "2026-10-01", "2026-11-01"))
+    flags = ["simulated"] if simulated else []
+    rows = [row(k, t=NOW - 60 + k, device=name, flags=flags) for name in ("press-1", "press-2") for k in range(5)]
+    Writer(engine).write([message(one) for one in rows])
+    read = read_plant(engine, Rules(None, BERLIN), NOW, None, {}, lambda *_: None)
+    assert [one.simulated for one in read.rows] == [simulated] * 2
+    month = read_month(engine, Rules(None, BERLIN), *month_range("2026-10", NOW, BERLIN), {}, lambda *_: None)
+    for page in (plant_page(read, tmp_path / "a.html"), month_page(month, tmp_path / "a.html")):
+        page.write(tmp_path / "a.html")
+        assert ('class="label">simulated data<' in (tmp_path / "a.html").read_text()) is simulated
+
+
+def test_a_month_without_rows_names_those_with_rows(tmp_path):
+    engine = quarters(tmp_path / "p.sqlite", ("a", "2026-01-05", "2026-01-06"), ("b", "2026-03-30", "2026-05-02"))
+    with pytest.raises(
+        UserError, match="no device has rows in 2026-02; rows are stored in 2026-01, 2026-03 to 2026-05"
+    ):
+        read_month(engine, Rules(None, BERLIN), *month_range("2026-02", NOW, BERLIN), {}, lambda *_: None)
+    empty = open_database(str(tmp_path / "empty.sqlite"))
+    with pytest.raises(UserError, match="`acqd sink` stores them"):
+        read_month(empty, Rules(None, BERLIN), *month_range("2026-02", NOW, BERLIN), {}, lambda *_: None)
+
+
+def test_a_month_of_one_day_shows_a_bar(tmp_path):
+    engine = quarters(tmp_path / "p.sqlite", ("a", "2026-11-01", "2026-11-01T06:00"))
+    read = read_month(engine, Rules(None, BERLIN), *month_range("2026-11", unix("2026-11-01T06:00"), BERLIN), {},
+                      lambda *_: None)  # fmt: skip
+    month_page(read, tmp_path / "m.html").write(tmp_path / "m.html")
+    assert re.search(r'class="bar after" d="M[\d. ]+V', (tmp_path / "m.html").read_text())
 
 
 def test_a_device_without_a_row_in_the_month_is_named(tmp_path):

@@ -39,6 +39,24 @@ def test_a_value_between_unknown_ones_is_a_dot_and_a_single_value_has_an_axis():
     assert low < 0.19 and high > 0.22 and len({f"{mark:g}" for mark in marks}) == len(marks) >= 3
 
 
+@pytest.mark.parametrize("days", [1, 2, 31])
+def test_sums_are_bars_from_zero_and_a_single_one_is_seen(days):
+    values = np.linspace(9.0, 10.0, days)
+    values[5:6] = np.nan
+    day = np.arange(1.0, days + 1)
+    drawing = Chart(day, "day", [Panel("energy [kWh]", [Line("energy", values)], bars=True)], "Days").svg(960)
+    bars = re.findall(r"M([\d.]+) ([\d.]+)V([\d.]+)H([\d.]+)V", re.search(r'class="bar ink" d="([^"]*)"', drawing)[1])
+    assert len(bars) == np.isfinite(values).sum()
+    left, foot, top, right = np.array(bars, dtype=float).T
+    assert foot - top == pytest.approx(values[np.isfinite(values)] * (foot - top)[0] / values[0], abs=0.2)
+    assert min(left) > 62 and max(right) < 952 and (left[1:] > right[:-1]).all() and min(right - left) > 15
+    first, last = (float(re.search(rf'data-{end}="([^"]*)"', drawing)[1]) for end in ("from", "to"))
+    assert first == pytest.approx((left[0] + right[0]) / 2, abs=0.2)
+    assert last == pytest.approx((left[-1] + right[-1]) / 2, abs=0.2)
+    numbers = re.findall(r'text-anchor="middle">([\d.]+)<', drawing)
+    assert numbers and all(float(number) in day for number in numbers)
+
+
 def test_the_values_for_the_pointer_cannot_end_their_script():
     text = chart().values()
     values = json.loads(text)

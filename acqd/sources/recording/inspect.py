@@ -11,7 +11,8 @@ from acqd.errors import InputError
 from acqd.sources.recording.build import waveform_of
 from acqd.sources.recording.channel import Recording, Role
 from acqd.sources.recording.roles import roles_of
-from acqd.sources.recording.selection import chosen, mapped, suggestion
+from acqd.sources.recording.selection import chosen, mapped
+from acqd.sources.recording.suggestion import suggestion
 from acqd.sources.recording.units import UnknownUnitError, unit_of
 from acqd.sources.recording.wired import wired
 from acqd.sources.waveform import ChannelMap, Waveform
@@ -70,7 +71,7 @@ def inspect(recording: Recording, given: ChannelMap) -> tuple[Inspected, Wavefor
         order = sorted(selection.keys, key=lambda one: (one[0][1:], one[0][0] == "i"))
         result.map = "--map " + ",".join(f"{key}={channel}" for key, channel in order)
     except InputError as error:
-        result.map, result.refusal = suggestion(roles), str(error)
+        result.map, result.refusal = suggestion(recording.channels, roles), str(error)
     result.channels = [_channel(recording, k, role, keys.get(k, "")) for k, role in enumerate(roles)]
     waveform = None
     if not result.refusal:

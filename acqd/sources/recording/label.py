@@ -128,6 +128,11 @@ def says_a_quantity_alone(name: str) -> bool:
     return len(core) == 1 and core[0] in _QUANTITY
 
 
+def without_quantity(name: str) -> tuple[str, ...]:
+    """The words of a name that say no voltage and no current: `x1`, `output` of `X1_OutputVoltage`."""
+    return tuple(word for word in _words(_latin(name)) if word not in _QUANTITY)
+
+
 def says_to_neutral(name: str) -> bool:
     """Whether the name of a voltage says to neutral or earth: `V1N`, `Van`, `U_RN`, `UL1-N`, `uL1E`."""
     return any(

@@ -11,6 +11,7 @@ from acqd.errors import InputError
 from acqd.sources.recording.channel import Recording, Role
 from acqd.sources.recording.label import FAMILIES, readings
 from acqd.sources.recording.roles import DISAGREE, NO_PHASE
+from acqd.sources.recording.suggestion import suggestion
 from acqd.sources.recording.units import UnknownUnitError, unit_of
 from acqd.sources.waveform import LINES, ChannelMap, position, positions
 
@@ -109,7 +110,7 @@ def _refuse_strangers(recording: Recording, roles: list[Role], found: Selection)
         raise InputError(
             recording.path,
             f"has {names}, named like those of the phases, and which phase they are of is unknown; say which with "
-            f"--map u1=...,i1=..., such as {suggestion(roles)} ({recording.noun}s: {listing})",
+            f"--map u1=...,i1=..., such as {suggestion(recording.channels, roles)} ({recording.noun}s: {listing})",
         )
 
 
@@ -213,7 +214,7 @@ def _ambiguity(recording: Recording, roles: list[Role]) -> str:
     )
     noun = recording.noun
     listing = f"({noun}s: {', '.join(f'{k}={c.name}' for k, c in enumerate(recording.channels[:_LISTED]))})"
-    try_it = f"such as {suggestion(roles)}; acqd replay --inspect shows them {listing}"
+    try_it = f"such as {suggestion(recording.channels, roles)}; acqd replay --inspect shows them {listing}"
     if double is not None:
         names = [recording.channels[k].name for k, role in enumerate(roles) if role.key == double]
         listed = " and ".join(f"{name!r}" for name in names[:4])
@@ -265,24 +266,6 @@ def _odd(role: Role) -> bool:
 
 def _partner(key: str) -> str:
     return ("i" if key[0] == "u" else "u") + key[1:]
-
-
-def suggestion(roles: list[Role]) -> str:
-    """A --map with the likeliest channels by their numbers, `?` where nothing is likely."""
-    keys: dict[str, int] = {}
-    for k, role in enumerate(roles):
-        if role.key and len(role.key) == 2:
-            keys.setdefault(role.key, k)
-    if not keys:
-        alike = [k for k, role in enumerate(roles) if role.quantity and role.kind == "unknown"]
-        volts = [k for k in alike if roles[k].quantity == "u"]
-        amperes = [k for k in alike if roles[k].quantity == "i"]
-        if len(volts) == 2 and not amperes:  # a current that is measured as a voltage
-            return f"--map u1={volts[0]},i1={volts[1]} --u-scale 1 --i-scale 1 (A per V of the probe)"
-        keys |= {f"u{n}": k for n, k in enumerate(volts[:3], start=1)}
-        keys |= {f"i{n}": k for n, k in enumerate(amperes[:3], start=1)}
-    phases = sorted({key[1] for key in keys}) or ["1"]
-    return "--map " + ",".join(f"{q}{phase}={keys.get(f'{q}{phase}', '?')}" for phase in phases for q in "ui")
 
 
 def factor_of(recording: Recording, channel: int, key: str, given: float | None) -> float:

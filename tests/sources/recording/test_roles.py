@@ -10,6 +10,7 @@ from acqd.errors import InputError
 from acqd.sources.recording.channel import Channel, Recording
 from acqd.sources.recording.roles import roles_of
 from acqd.sources.recording.selection import chosen
+from acqd.sources.recording.suggestion import suggestion
 from acqd.sources.recording.units import UnknownUnitError, split_label, unit_of
 
 
@@ -230,3 +231,23 @@ def test_units_in_names_and_words_in_phase_fields():
     assert [split_label(name, names) for name in names] == [(name, "") for name in names]
     assert split_label("u1_v", ["u1_v", "i1_a"]) == ("u1", "v")
     assert split_label("L1_V", ["L1_V", "L1_A", "L1_W"]) == ("L1", "V")
+
+
+@pytest.mark.parametrize(
+    ("names", "expected"),
+    [
+        # as of a machine tool: more drives than a mains has phases
+        (
+            "X1_CurrentFeedback X1_OutputCurrent X1_OutputVoltage Y1_CurrentFeedback Y1_OutputCurrent "
+            "Y1_OutputVoltage Z1_OutputCurrent Z1_OutputVoltage S1_OutputCurrent S1_OutputVoltage",
+            "u1=2,i1=1",
+        ),
+        ("left_current aux_current right_current right_voltage left_voltage", "u1=3,i1=2,u2=4,i2=0"),
+        ("probe_voltage left_current right_current", "u1=0,i1=?"),
+        ("voltage_x voltage_y current_one current_two", "u1=0,i1=2,u2=1,i2=3"),
+        ("left_voltage right_voltage top_voltage one_current two_current", "u1=?,i1=?"),
+    ],
+)
+def test_a_suggestion_pairs_voltages_and_currents_by_their_names(names, expected):
+    listed = [Channel(name, "V" if "olt" in name else "A") for name in names.split()]
+    assert suggestion(listed, roles_of(listed)) == f"--map {expected}"
