@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import orjson
 import typer
-from rich.progress import Progress, TaskID
 
 from acqd.cli import quarantine
 from acqd.cli.completeness_table import show_completeness
 from acqd.cli.options import ConfigFile, Host, Json, Port, configured
+from acqd.cli.progress import Show, progress
 from acqd.cli.terminal import terminal
 from acqd.cli.usage import NamingGroup
 from acqd.daemon.config import Config
@@ -152,8 +152,8 @@ def _costs(settings: Config) -> Callable[[sa.Engine], int]:
     return Quarters(partial(load_tariff, settings.energy.tariff, settings.energy.zone)).update
 
 
-def _advance(shown: Progress, bar: TaskID, done: float) -> None:
-    shown.update(bar, completed=done)
+def _advance(show: Show, step: str, days: int, of: int, done: float) -> None:
+    show(step, (days + done) / of)
 
 
 def _report(worker: Sink, json: bool) -> None:
@@ -230,12 +230,11 @@ def completeness_command(
     now = datetime.now(UTC)
     wanted = days_between(day, first, to, now)
     engine = open_database(database or settings.sink.database, create=False)
-    with Progress(console=terminal(stderr=True), transient=True) as shown:
+    with progress(terminal(stderr=True)) as show:
         report = []
-        for one_day in wanted:
-            bar = shown.add_task(f"rows of {one_day}", total=1.0)
-            report += completeness(engine, one_day, now, device, partial(_advance, shown, bar))
-            shown.remove_task(bar)
+        for k, one_day in enumerate(wanted):
+            step = partial(_advance, show, f"rows of {one_day}", k, len(wanted))
+            report += completeness(engine, one_day, now, device, step)
     spools = settings.state_dir or SERVICES_STATE
     if not report or any(gap.cause in (Cause.lost, Cause.no_rows) for one in report for gap in one.gaps):
         try:

@@ -27,6 +27,16 @@ _WORDS = (
 )
 """Of click, in the words of this program."""
 
+_SAME: tuple[tuple[str, ...], ...] = (
+    ("--duration", "--seconds", "--minutes", "--time", "--timeout"),
+    ("--out", "--output", "--csv", "--html", "--file", "--out-file"),
+    ("--from", "--since", "--start", "--begin", "--after"), ("--to", "--until", "--end", "--stop", "--before"),
+    ("--database", "--db", "--sqlite", "--sql", "--url"), ("--host", "--broker", "--server", "--listen", "--address"),
+    ("--yes", "--force"), ("--dry-run", "--check"), ("--limit", "--max", "--count"), ("--jobs", "--workers"),
+    ("--config", "--configuration", "--settings"),
+)  # fmt: skip
+"""Options that programs call by several names: the one that a command has is meant."""
+
 
 def answered(error: Exception) -> bool:
     """Whether `error` was about the command line; if so, stderr has one line, or the help of a group of commands.
@@ -36,6 +46,8 @@ def answered(error: Exception) -> bool:
     message = getattr(error, "format_message", None)
     if message is None:
         return False
+    if hasattr(error, "possibilities"):
+        error.possibilities = _meant(error) or error.possibilities
     text = str(message())  # which may print the help by itself
     if type(error).__name__ == "NoArgsIsHelpError":
         print(text, end="\n" if text else "", file=sys.stderr)
@@ -50,6 +62,16 @@ def answered(error: Exception) -> bool:
     command = whole.removeprefix("acqd").strip()
     print(f"acqd: {command}{': ' if command else ''}{said}; see {whole} --help", file=sys.stderr)
     return True
+
+
+def _meant(error: Any) -> list[str]:
+    """Options of the command that mean what an unknown one says."""
+    command = getattr(getattr(error, "ctx", None), "command", None)
+    known = [
+        name for each in getattr(command, "params", []) if not getattr(each, "hidden", False) for name in each.opts
+    ]
+    wanted = str(getattr(error, "option_name", ""))
+    return [name for same in _SAME if wanted in same for name in same if name in known]
 
 
 class NamingGroup(TyperGroup):

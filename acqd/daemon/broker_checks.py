@@ -12,7 +12,7 @@ import paho.mqtt.client as paho
 from paho.mqtt.enums import CallbackAPIVersion
 
 from acqd.daemon.config import Config
-from acqd.daemon.finding import Finding
+from acqd.daemon.finding import Finding, State
 from acqd.daemon.mosquitto_files import settings_of_local_broker
 from acqd.errors import UserError
 from acqd.telemetry import certificates
@@ -22,8 +22,11 @@ _PATIENCE_S = 3.0
 OPEN_TO_ALL = 0o007
 
 
-def broker_checks(config: Config) -> Iterator[Finding]:
-    """Whether the broker lets this configuration in, and what is dangerous or slow about it."""
+def broker_checks(config: Config, away: State = "warn") -> Iterator[Finding]:
+    """Whether the broker lets this configuration in, and what is dangerous or slow about it.
+
+    `away`: how grave it is that the broker does not answer.
+    """
     if not config.mqtt.enabled:
         yield Finding("broker", "warn", "mqtt.enabled is false", "no row is published")
         return
@@ -42,7 +45,15 @@ def broker_checks(config: Config) -> Iterator[Finding]:
         yield Finding("certificates", "warn" if why else "ok", why or "none ends soon", advice if why else "")
     if address.tls and (why := _of_server(address)):
         yield Finding("certificates", "warn", why, "make another one on the broker's computer")
-    yield _login(config, address, tls)
+    try:
+        yield _login(address, tls)
+    except (OSError, ValueError) as error:
+        if config.broker.embedded:
+            yield Finding("broker", "ok", "embedded, not running now")
+        else:
+            why = f"{address} does not answer ({getattr(error, 'strerror', None) or error})"
+            yield Finding("broker", away, why, "start it, or set [mqtt] host and port")
+        return
     yield from _other_logins(config)
     if is_loopback(address.host) and not config.broker.embedded:
         yield from _delay()
@@ -59,16 +70,21 @@ def _secrets(config: Config) -> Iterator[Finding]:
 
 def _other_logins(config: Config) -> Iterator[Finding]:
     """The other services of this computer, each with its user."""
-    for service in config.mqtt.users.keys() - config.mqtt.without_password:
+    for service in config.mqtt.users:
+        if service in config.mqtt.without_password:
+            continue
         try:
             address = config.mqtt.of(service).address(warn=False)
-            yield _login(config, address, address.tls_context())
-        except UserError as error:
+            yield _login(address, address.tls_context())
+        except (UserError, OSError, ValueError) as error:
             yield Finding("broker", "fail", f"mqtt.{service}: {error}", "see [mqtt] in the configuration")
 
 
-def _login(config: Config, address: BrokerAddress, tls: ssl.SSLContext | None) -> Finding:
-    """One CONNECT with the real name and password, under another client identifier."""
+def _login(address: BrokerAddress, tls: ssl.SSLContext | None) -> Finding:
+    """One CONNECT with the real name and password, under another client identifier.
+
+    Raises OSError or ValueError where nobody answers.
+    """
     answers: list[str] = []
     client = paho.Client(CallbackAPIVersion.VERSION2, f"acqd-doctor-{secrets.token_hex(4)}", reconnect_on_failure=False)
     client.connect_timeout = _PATIENCE_S
@@ -77,19 +93,11 @@ def _login(config: Config, address: BrokerAddress, tls: ssl.SSLContext | None) -
     if tls is not None:
         client.tls_set_context(tls)
     client.on_connect = lambda _c, _d, _f, reason, _p: answers.append(str(reason) if reason.is_failure else "")
-    try:
-        client.connect(address.host, address.port, keepalive=10)
-        deadline = time.monotonic() + _PATIENCE_S
-        while not answers and time.monotonic() < deadline and client.loop(0.1) == paho.MQTT_ERR_SUCCESS:
-            pass
-        client.disconnect()
-    except (OSError, ValueError) as error:
-        if config.broker.embedded:
-            return Finding("broker", "ok", "embedded, not running now")
-        reason = getattr(error, "strerror", None) or error
-        return Finding(
-            "broker", "warn", f"{address} does not answer ({reason})", "start it, or set [mqtt] host and port"
-        )
+    client.connect(address.host, address.port, keepalive=10)
+    deadline = time.monotonic() + _PATIENCE_S
+    while not answers and time.monotonic() < deadline and client.loop(0.1) == paho.MQTT_ERR_SUCCESS:
+        pass
+    client.disconnect()
     if not answers:
         return Finding(
             "broker", "fail", f"{address} hangs up or does not answer", "is a broker there? does it want TLS?"

@@ -19,7 +19,7 @@ def config_checks(config: Config, *, connect: bool) -> list[Finding]:
     """Passwords, certificates, files and folders; with `connect` also the broker for every user, and the database."""
     found = [*_logins(config), *_places(config), *_secrets(config)]
     if connect:
-        found += [*broker_checks(config), database_check(config)]
+        found += [*broker_checks(config, away="fail"), database_check(config)]
     return found
 
 

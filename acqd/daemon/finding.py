@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, TypeAlias
+
+State: TypeAlias = Literal["ok", "warn", "fail"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -11,6 +13,6 @@ class Finding:
     """What was checked, its state, and what to do about it."""
 
     check: str
-    state: Literal["ok", "warn", "fail"]
+    state: State
     finding: str
     advice: str = ""

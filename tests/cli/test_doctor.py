@@ -144,3 +144,14 @@ def test_doctor_reads_a_meter_and_judges_its_ratio_by_the_load(load, said, tmp_p
     assert done.returncode == ("too large" in said)
     other = acqd_here("doctor", "--wiring", "--device", "m2", "--seconds", "1", cwd=tmp_path)
     assert other.returncode == 2 and "m1" in other.stderr
+
+
+def test_a_broker_that_is_away_is_said_once_and_fails_where_it_was_asked_for(tmp_path):
+    users = "".join(f"{name} = {{ username = '{name}', password = 'p' }}\n" for name in ("sink", "web", "operator"))
+    (tmp_path / "acqd.toml").write_text(f"[mqtt]\nport = {free_port()}\nusername = 'box'\npassword = 'p'\n{users}")
+    checked = acqd_here("config", "check", "--connect", "--config", tmp_path / "acqd.toml", "--json", cwd=tmp_path)
+    doctor = acqd_here("doctor", "--config", tmp_path / "acqd.toml", "--json", cwd=tmp_path)
+    for done, state in ((checked, "fail"), (doctor, "warn")):
+        [found] = [one for one in json.loads(done.stdout) if one["check"] == "broker"]
+        assert found["state"] == state and "does not answer (Connection refused)" in found["finding"]
+    assert checked.returncode == 1
