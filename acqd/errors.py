@@ -70,8 +70,8 @@ def place_in_file(keys: Sequence[int | str]) -> str:
 
 
 def without_number(error: object) -> str:
-    """What an error of a library says, without the number that the system has for the kind."""
-    return re.sub(r"\[errno -?\d+\] ", "", str(error), flags=re.IGNORECASE)
+    """What an error of a library says, without the number that the system or a protocol has for the kind."""
+    return re.sub(r"\[(errno |code:)-?\d+\] ", "", str(error), flags=re.IGNORECASE)
 
 
 def no_folder(path: Path) -> str:

@@ -14,7 +14,7 @@ def show_boxes(console: Console, boxes: list[dict[str, Any]]) -> None:
     """Print one line per source; nothing for a daemon with one source."""
     if not boxes:
         return
-    table = Table("source", "state", "last row", "lost", "restarts", "missed", "too long", "windows flagged")
+    table = Table("source", "state", "last row", "lost", "restarts", "missed", "too long", "windows")
     for box in boxes:
         cycles = box["cycles"] or {}
         restarts = box["restarts"] + cycles.get("restarts", 0)

@@ -17,6 +17,7 @@ from acqd.cli.options import ConfigFile, Json, configured
 from acqd.daemon.health.query import SERVICES, Answer, ask
 from acqd.daemon.health.runbook import entry_for
 from acqd.errors import UserError
+from acqd.report.digits import counted
 
 
 class Only(StrEnum):
@@ -87,7 +88,7 @@ def _link(name: str, status: dict[str, Any]) -> str:
     link = status.get(name)
     if not link:
         return ""
-    again = f", {link['reconnects']} reconnects" if link["reconnects"] else ""
+    again = f", reconnected {counted(link['reconnects'], 'time')}" if link["reconnects"] else ""
     return ("connected" if link["connected"] else "away") + again
 
 

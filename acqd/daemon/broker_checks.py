@@ -103,7 +103,9 @@ def _login(address: BrokerAddress, tls: ssl.SSLContext | None) -> Finding:
             "broker", "fail", f"{address} hangs up or does not answer", "is a broker there? does it want TLS?"
         )
     if answers[0]:
-        return Finding("broker", "fail", f"{address} refuses the login: {answers[0]}", "check username and password")
+        who = f" of {address.username}" if address.username else ""
+        advice = "check username and password; has the broker read its password file since?"
+        return Finding("broker", "fail", f"{address} refuses the login{who}: {answers[0]}", advice)
     name = f" as {address.username}" if address.username else ", without a password"
     return Finding("broker", "ok", f"{address} lets this configuration in{name}")
 

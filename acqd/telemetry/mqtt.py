@@ -9,7 +9,7 @@ import ssl
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from acqd.errors import UserError
+from acqd.errors import UserError, without_number
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +92,9 @@ def pending(sock: object) -> bool:
 
 def refusal(address: BrokerAddress, reason: str) -> UserError:
     """The error for a broker that answered and refused us."""
-    return UserError(f"broker {address} refused the connection: {reason}; check username, password and TLS")
+    who = f" of {address.username}" if address.username else ""
+    said = f"refused the connection{who}: {without_number(reason)}"
+    return UserError(f"broker {address} {said}; check username, password and TLS")
 
 
 REFUSED = {"not authorized", "bad user name or password", "bad username or password", "banned", "not authorised"}

@@ -17,14 +17,14 @@
 
   const bytes = (count) => count < 1e6 ? `${(count / 1e3).toFixed(0)} kB` : `${(count / 1e6).toFixed(1)} MB`;
   const seconds = (age) => age < 120 ? `${age.toFixed(1)} s` : age < 7200 ? `${(age / 60).toFixed(0)} min` : `${(age / 3600).toFixed(1)} h`;
-  const link = (peer) => peer && `${peer.connected ? "connected" : "away"}${peer.reconnects ? `, reconnected ${peer.reconnects} times` : ""}`;
+  const link = (peer) => peer && `${peer.connected ? "connected" : "away"}${peer.reconnects ? `, reconnected ${peer.reconnects} time${peer.reconnects === 1 ? "" : "s"}` : ""}`;
 
   function tiles(services) {
     const of = (name) => services.find((service) => service.service === name)?.status ?? {};
     const daemon = of("daemon"), sink = of("sink"), delivery = daemon.delivery ?? {};
     const shown = [
       ["source", link(daemon.source) && `${link(daemon.source)}; ${daemon.source.lost} samples lost`],
-      ["windows flagged", daemon.windows && flagged(daemon.windows).filter(Boolean).join(": ")],
+      ["windows in doubt", daemon.windows && flagged(daemon.windows).filter(Boolean).join("; flags: ")],
       ["broker", link(daemon.broker)],
       ["rows on their way", delivery.waiting !== undefined && `${delivery.waiting} wait, ${delivery.receipts_outstanding ?? 0} without receipt`],
       ["spool", Number.isFinite(delivery.spool_bytes) && [`${bytes(delivery.spool_bytes)} of ${bytes(delivery.spool_limit_bytes)}`, delivery.spool_bytes / delivery.spool_limit_bytes]],
