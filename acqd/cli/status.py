@@ -17,7 +17,6 @@ from acqd.cli.options import ConfigFile, Json, configured
 from acqd.daemon.health.query import SERVICES, Answer, ask
 from acqd.daemon.health.runbook import entry_for
 from acqd.errors import UserError
-from acqd.report.digits import counted
 
 
 class Only(StrEnum):
@@ -88,7 +87,8 @@ def _link(name: str, status: dict[str, Any]) -> str:
     link = status.get(name)
     if not link:
         return ""
-    again = f", reconnected {counted(link['reconnects'], 'time')}" if link["reconnects"] else ""
+    count = link["reconnects"]
+    again = f", reconnected {count} time{'s' if count > 1 else ''}" if count else ""
     return ("connected" if link["connected"] else "away") + again
 
 
