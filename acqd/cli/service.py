@@ -183,6 +183,7 @@ def restore(
 @app.command()
 def remove(
     purge: Annotated[bool, typer.Option("--purge", help="Configuration, rows and the user as well.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="With --purge: delete what is there.")] = False,
     root: _RootOption = Path("/"),
     json: Json = False,
 ) -> None:
@@ -191,7 +192,7 @@ def remove(
     Example: sudo acqd service remove
     """
     system = Root(root)
-    undo(system, purge=purge)
+    undo(system, purge=purge, sure=yes)
     _report(system, json)
 
 

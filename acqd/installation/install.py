@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import time
 from collections.abc import Sequence
 from dataclasses import replace
@@ -16,7 +15,14 @@ from acqd.installation.state import FAILING, last_line, state_of
 
 _PASSWORDS = "/etc/mosquitto/acqd.passwords"
 _TIMER_STAMP = "/var/lib/systemd/timers/stamp-acqd-maintain.timer"
-_DATA = ("/etc/acqd", "/var/lib/acqd", "/var/cache/acqd")
+_DATA = ("/var/lib/acqd", "/var/cache/acqd", "/etc/acqd")
+_ASIDE = (
+    "etc/acqd.before-*",
+    "var/lib/acqd.before-*",
+    "etc/mosquitto/acqd.*.before-*",
+    "etc/mosquitto/*/acqd.*.before-*",
+)
+"""What restores have moved aside."""
 _SETTLED_S = 3.0
 """Time in which a service that lacks a library or a setting has ended again."""
 
@@ -106,12 +112,15 @@ def reload(root: Root) -> None:
         root.run("systemctl", "restart", "mosquitto.service", needed=False)
 
 
-def remove(root: Root, *, purge: bool) -> None:
+def remove(root: Root, *, purge: bool, sure: bool = False) -> None:
     """Stop and remove the services and the access to the broker. `purge`: configuration, data and the user as well.
 
-    Raises UserError, OperationError.
+    Raises UserError, also where `purge` would delete something and nobody is `sure`; OperationError.
     """
     root.require_rights()
+    there = [name for name in _DATA if root.at(name).exists()]
+    if purge and there and not sure:
+        raise UserError(f"--purge deletes {', '.join(there)} for good: acqd service backup keeps a copy, --yes goes on")
     _stop(root)
     wanted = Wanted("acqd", tuple(SERVICES), drop_ins=("raw-network", "serial"), archive="/anywhere", broker=True)
     for file in reversed(files_of(wanted)):
@@ -121,11 +130,11 @@ def remove(root: Root, *, purge: bool) -> None:
     _forget(root)
     if purge:
         root.remove(_TIMER_STAMP)
-        for name in _DATA:
-            if root.at(name).exists():
-                shutil.rmtree(root.at(name))
-                root.done.append(f"removed {name}")
+        for name in there:
+            root.remove_folder(name)
         _remove_user(root)
+        aside = sorted(path for pattern in _ASIDE for path in root.folder.glob(pattern))
+        root.done += [f"kept /{path.relative_to(root.folder)}, which a restore has moved aside" for path in aside]
 
 
 def _stop(root: Root) -> None:

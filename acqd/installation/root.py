@@ -93,6 +93,15 @@ class Root:
                     return int(line.split(":")[2])
         return None
 
+    def remove_folder(self, path: str) -> None:
+        """Delete a folder with what is in it. Raises OperationError."""
+        try:
+            shutil.rmtree(self.at(path))
+        except OSError as error:
+            remedy = "does a process that somebody started by hand still write there? End it, and repeat the command"
+            raise OperationError(f"{path} cannot be deleted ({error.strerror}): {remedy}") from None
+        self.done.append(f"removed {path}")
+
     def remove(self, path: str) -> None:
         """Delete a file, and its folder of drop-ins when that is empty then."""
         target = self.at(path)

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+import errno
 import json
+import os
 import re
+import shutil
 import stat
 import subprocess
 
@@ -82,10 +85,33 @@ def test_removal_keeps_rows_and_configuration_unless_purged(root):
         "/etc/acqd/acqd.toml", *(f"/etc/acqd/{user}.password" for user in ("box", *LOGINS.values())),
     }  # fmt: skip
     assert not list((root / "etc/systemd/system").iterdir())
-    assert acqd_here("service", "remove", "--purge", "--root", root).returncode == 0
+    refusal = refused(acqd_here("service", "remove", "--purge", "--root", root))
+    assert "--purge deletes /var/lib/acqd, " in refusal and "--yes goes on" in refusal
+    assert (root / "var/lib/acqd/acqd.sqlite").read_text() == "rows"
+    assert acqd_here("service", "remove", "--purge", "--yes", "--root", root).returncode == 0
     assert set(contents(root)) - set(before) == {"/etc/passwd", "/etc/shadow", "/etc/gshadow"}
     assert b"acqd" not in (root / "etc/passwd").read_bytes() + (root / "etc/group").read_bytes()
     assert acqd_here("service", "remove", "--purge", "--root", root).stdout == "nothing to do\n"
+
+
+def test_a_purge_that_a_running_process_disturbs_says_so_and_can_be_repeated(root, monkeypatch):
+    installed(root)
+    (root / "etc/acqd.before-20261127T165033Z").mkdir()
+    whole = shutil.rmtree
+
+    def busy(path, *more):
+        if str(path).endswith("var/lib/acqd"):
+            raise OSError(errno.ENOTEMPTY, os.strerror(errno.ENOTEMPTY), "spool-box")
+        whole(path, *more)
+
+    monkeypatch.setattr(shutil, "rmtree", busy)
+    done = acqd_here("service", "remove", "--purge", "--yes", "--root", root)
+    assert done.returncode == 1 and "/var/lib/acqd cannot be deleted (Directory not empty): " in done.stderr
+    assert (root / "etc/acqd/acqd.toml").exists()
+    monkeypatch.undo()
+    done = acqd_here("service", "remove", "--purge", "--yes", "--root", root)
+    assert done.returncode == 0 and not (root / "etc/acqd").exists()
+    assert "kept /etc/acqd.before-20261127T165033Z, which a restore has moved aside" in done.stdout
 
 
 def test_an_installation_after_a_removal_lets_the_same_users_in(root):
