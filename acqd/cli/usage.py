@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import sys
+from difflib import SequenceMatcher
 from typing import Any
 
 from typer.core import TyperGroup
@@ -27,6 +28,8 @@ _WORDS = (
 )
 """Of click, in the words of this program."""
 
+_LEAST_LIKENESS = 0.6
+"""As of `difflib.get_close_matches`, which click asks with the dashes."""
 _SAME: tuple[tuple[str, ...], ...] = (
     ("--duration", "--seconds", "--minutes", "--time", "--timeout"),
     ("--out", "--output", "--csv", "--html", "--file", "--out-file"),
@@ -46,8 +49,8 @@ def answered(error: Exception) -> bool:
     message = getattr(error, "format_message", None)
     if message is None:
         return False
-    if hasattr(error, "possibilities"):
-        error.possibilities = _meant(error) or error.possibilities
+    if hasattr(error, "option_name") and hasattr(error, "possibilities"):
+        error.possibilities = _meant(error) or [name for name in error.possibilities or () if _alike(error, name)]
     text = str(message())  # which may print the help by itself
     if type(error).__name__ == "NoArgsIsHelpError":
         print(text, end="\n" if text else "", file=sys.stderr)
@@ -72,6 +75,12 @@ def _meant(error: Any) -> list[str]:
     ]
     wanted = str(getattr(error, "option_name", ""))
     return [name for same in _SAME if wanted in same for name in same if name in known]
+
+
+def _alike(error: Any, name: str) -> bool:
+    """Whether a name is the unknown one misspelt: `--robot` is no misspelt `--out`, which click proposes."""
+    wanted = str(getattr(error, "option_name", "")).lstrip("-")
+    return SequenceMatcher(None, wanted, name.lstrip("-")).ratio() >= _LEAST_LIKENESS
 
 
 class NamingGroup(TyperGroup):

@@ -34,6 +34,11 @@ def check_port(host: str, port: int, of: str = "broker", setting: str = "") -> N
                 raise UserError(
                     f"{of} {host}: this computer has no such address; expected 127.0.0.1, 0.0.0.0 or one of its own"
                 ) from None
+            if error.errno == errno.EACCES:
+                raise UserError(
+                    f"{of} port {host}:{port}: this user may not listen below 1024; choose another port"
+                    f"{setting and f' with {setting}'}"
+                ) from None
             raise UserError(
                 f"{of} port {host}:{port} cannot be used ({error.strerror}): is another {of} running there? "
                 f"Use that one, or choose another port{setting and f' with {setting}'}"

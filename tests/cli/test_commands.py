@@ -1,5 +1,6 @@
 """The tree of commands imports what a command line needs."""
 
+import errno
 import re
 import socket
 import subprocess
@@ -11,6 +12,8 @@ import typer.main
 from rich import markup
 
 from acqd.cli.commands import command_tree
+from acqd.errors import UserError
+from acqd.telemetry.ports import check_port
 from tests.commands import acqd_here, refused
 from tests.places import ROOT
 
@@ -112,3 +115,14 @@ def test_the_port_of_the_page_is_not_that_of_the_broker(tmp_path, monkeypatch):
     told = "--port 1884 is that of the broker; --web-port is that of the page"
     asked = ("web", "--config", tmp_path / "acqd.toml", "--port", 1884)
     assert told in acqd_here(*asked).stderr and told not in acqd_here(*asked, "--web-port", port).stderr
+
+
+def test_a_port_that_only_root_may_take_is_no_other_program(monkeypatch):
+    def closed(self, address):
+        raise PermissionError(errno.EACCES, "Permission denied")
+
+    monkeypatch.setattr(socket.socket, "bind", closed)
+    with pytest.raises(
+        UserError, match=r"page port 127.0.0.1:80: this user may not listen below 1024; .* with --web"
+    ):
+        check_port("127.0.0.1", 80, "page", "--web-port")

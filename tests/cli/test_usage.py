@@ -18,6 +18,8 @@ MISTAKES = {
     ): "jitter: --duration: expected a number greater than or equal to 0.5; see acqd jitter --help",
     ("jitter", "--seconds", "3"): "jitter: no such option: --seconds (did you mean --duration?); see acqd jitter",
     ("capture", "--output", "a"): "capture: no such option: --output (did you mean --out?); see acqd capture",
+    ("robot", "check", "--robot", "a"): "robot check: no such option: --robot; see acqd robot check",
+    ("capture", "--outt", "a"): "capture: no such option: --outt (did you mean --out?); see acqd capture",
     ("plan", "many"): "plan: N: expected a whole number; see acqd plan --help",
     ("plan", "3", "4"): "plan: unexpected extra argument(s) (4); see acqd plan --help",
     ("energy", "--bye", "day"): "energy: no such option: --bye",

@@ -20,7 +20,7 @@ from rich.console import Console
 from rich.progress import Progress
 
 from acqd.cli.progress import PROGRESS_LINES, Show, bars
-from acqd.errors import OperationError, UserError
+from acqd.errors import OperationError, UserError, no_folder
 
 _REFUSED = 2
 """Exit code of bad input."""
@@ -65,7 +65,9 @@ class Steps:
         file, wanted = self.out / name, orjson.dumps(asked, option=orjson.OPT_INDENT_2)
         if file.exists() and file.read_bytes() != wanted:
             raise UserError(f"{self.out} holds another {what} ({name} says which); choose another --out")
-        if self.out.exists() and not file.exists() and (not self.out.is_dir() or any(self.out.iterdir())):
+        if self.out.exists() and not self.out.is_dir():
+            raise UserError(f"{self.out}: {no_folder(self.out)}; choose another --out")
+        if self.out.exists() and not file.exists() and any(self.out.iterdir()):
             raise UserError(f"{self.out} is not empty and holds no {what}; choose another --out")
         try:
             self.out.mkdir(parents=True, exist_ok=True)

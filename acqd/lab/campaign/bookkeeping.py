@@ -12,7 +12,7 @@ import orjson
 import sqlalchemy as sa
 
 from acqd.atomic import naming, require_writable
-from acqd.errors import InputError, OperationError, UserError
+from acqd.errors import InputError, OperationError, UserError, no_folder
 from acqd.lab.campaign.folders import Folders
 from acqd.lab.cell import device_name
 from acqd.lab.instruments.row_file import rows_stored, store_rows
@@ -45,7 +45,9 @@ def require_usable(folders: Folders, settings: CampaignSettings) -> bool:
     path = folders.truth / "settings.json"
     try:
         stored = orjson.loads(path.read_bytes()) if path.exists() else None
-        if stored is None and folders.out.exists() and (not folders.out.is_dir() or any(folders.out.iterdir())):
+        if folders.out.exists() and not folders.out.is_dir():
+            raise UserError(f"{folders.out}: {no_folder(folders.out)}; choose another --out")
+        if stored is None and folders.out.exists() and any(folders.out.iterdir()):
             raise UserError(f"{folders.out} is not empty, and {folders.truth} has no campaign; choose another --out")
         differing = sorted(key for key in requested if stored is not None and requested[key] != stored.get(key))
         if differing:

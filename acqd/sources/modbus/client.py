@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import os
 import socket
 import termios
 import time
@@ -283,8 +284,9 @@ def _check_serial(link: ModbusLink, port: str) -> None:
     except serial.SerialException as error:
         if "lock" in str(error):
             raise UserError(f"source.serial_port: {port} is in use by another program; stop that one") from None
+        why = os.strerror(error.errno) if error.errno else error  # its text repeats the name of the port
         raise UserError(
-            f"source.serial_port: {port} cannot be opened ({error}); add the service's user to the group dialout"
+            f"source.serial_port: {port} cannot be opened ({why}); add the service's user to the group dialout"
         ) from None
     except (termios.error, ValueError):
         raise UserError(

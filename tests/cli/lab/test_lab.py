@@ -49,6 +49,7 @@ print([m for m in ('pinocchio', 'scipy', 'matplotlib', 'ray') if m in sys.module
         (["execute", "tiny.csv", "--out", "x"], "tiny.csv: has 30 rows over 0.00029 s"),
         (["trajectories", "--out", "good.csv/deep"], "good.csv/deep: cannot be made"),
         (["campaign", "--out", "full", "--limited", "1", "--all", "0"], "full is not empty"),
+        (["campaign", "--out", "full/thesis.txt", "--limited", "1", "--all", "0"], "is a file, not a folder"),
         (["campaign", "--out", "x", "--profile", "use-case", "--robot", "ur3e"], "ur3e cannot reach"),
     ],
 )
