@@ -68,11 +68,16 @@ def naming(path: Path) -> Iterator[None]:
         raise
 
 
-def write_complete(path: Path, content: bytes) -> None:
-    """Replace a file: whatever happens, its content is the old or the new one. Raises OperationError."""
+def replace_file(path: Path, content: bytes) -> None:
+    """Replace a file: whatever happens, its content is the old or the new one. Raises OSError.
+
+    A pipe or a terminal of that name is written to.
+    """
+    if path.exists() and not path.is_file():
+        path.write_bytes(content)
+        return
     temporary = path.with_name(f".{path.name}.new")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
         with temporary.open("wb") as file:
             file.write(content)
             file.flush()
@@ -81,6 +86,16 @@ def write_complete(path: Path, content: bytes) -> None:
     except OSError as error:
         with suppress(OSError):
             temporary.unlink()
+        error.filename = str(path)
+        raise
+
+
+def write_complete(path: Path, content: bytes) -> None:
+    """Replace a file, and make its folder. Raises OperationError."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        replace_file(path, content)
+    except OSError as error:
         raise OperationError(f"{path}: {error.strerror}; the file that was there before is unchanged") from None
 
 

@@ -1,11 +1,13 @@
 """Folders and files of results, before there is anything to write."""
 
+import errno
 import os
 
 import pytest
 
-from acqd.atomic import require_free, require_writable
+from acqd.atomic import replace_file, require_free, require_writable
 from acqd.errors import UserError
+from acqd.report.page import Page
 from tests.commands import acqd_here
 
 
@@ -35,3 +37,26 @@ def test_long_commands_look_at_their_place_first(words, tmp_path):
     assert (
         done.returncode == 2 and "file is not a folder that this user may write to; choose another --out" in done.stderr
     )
+
+
+def test_a_full_disk_leaves_what_was_there(tmp_path, monkeypatch):
+    def full(descriptor):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    (tmp_path / "plant.html").write_text("of yesterday")
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(UserError, match=r"plant.html: cannot be written \(No space left on device\)"):
+        Page("Plant", simulated=True).write(tmp_path / "plant.html")
+    for words in (("config", "init", "a.toml"), ("lab", "campaign", "--out", "c", "--limited", "1", "--all", "0")):
+        done = acqd_here(*words, cwd=tmp_path)
+        assert done.returncode == 2 and "No space left on device" in done.stderr
+    assert [path.name for path in sorted(tmp_path.rglob("*")) if path.is_file()] == ["plant.html"]
+    assert (tmp_path / "plant.html").read_text() == "of yesterday"
+
+
+def test_what_is_no_file_is_written_to(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    reader = os.open(tmp_path / "pipe", os.O_RDONLY | os.O_NONBLOCK)
+    replace_file(tmp_path / "pipe", b"page")
+    assert os.read(reader, 10) == b"page" and (tmp_path / "pipe").is_fifo()
+    os.close(reader)

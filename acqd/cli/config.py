@@ -14,6 +14,7 @@ import typer
 from rich.console import Console
 from rich.markup import escape
 
+from acqd.atomic import replace_file
 from acqd.cli.findings_table import findings_table
 from acqd.cli.folded_table import Table
 from acqd.cli.options import ConfigFile, Json, config_file
@@ -43,11 +44,10 @@ def init(
     if str(path) == "-":
         print(text, end="")
         return
+    if path.exists():
+        raise UserError(f"{path} exists: remove it, or name another file")
     try:
-        with path.open("x", encoding="utf-8") as file:
-            file.write(text)
-    except FileExistsError:
-        raise UserError(f"{path} exists: remove it, or name another file") from None
+        replace_file(path, text.encode())
     except OSError as error:
         raise UserError(f"{path}: cannot be written ({error.strerror})") from None
     print(orjson.dumps({"file": str(path)}).decode() if json else f"{path}: try it with acqd run --config {path}")

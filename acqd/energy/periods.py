@@ -29,14 +29,13 @@ class Range:
 
 def zone_of(name: str | None) -> ZoneInfo:
     """A zone of the IANA database; None: that of this computer. Raises UserError."""
+    wanted = name or _own_zone()
     try:
-        return ZoneInfo(name or _own_zone())
+        return ZoneInfo(wanted)
     except (OSError, ValueError, KeyError):  # ZoneInfoNotFoundError is a KeyError
-        raise _unknown(name) from None
-
-
-def _unknown(name: str | None) -> UserError:
-    return UserError(f"zone {name!r} is unknown; expected a name like Europe/Berlin (on Debian: package tzdata)")
+        whose = "" if name else " of this computer (TZ, /etc/localtime)"
+        remedy = "expected a name like Europe/Berlin (on Debian: package tzdata)"
+        raise UserError(f"zone {wanted!r}{whose} is unknown; {remedy}") from None
 
 
 def _own_zone() -> str:

@@ -9,6 +9,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from acqd.atomic import replace_file
 from acqd.errors import UserError
 from acqd.report.arm_view import ArmView, asset, scripts
 from acqd.report.bars import Bars
@@ -129,7 +130,7 @@ class Page:
     def write(self, path: Path) -> None:
         """Write the page. Raises UserError when the file cannot be written."""
         try:
-            path.write_text(self.html(), encoding="utf-8")
+            replace_file(path.resolve(), self.html().encode())
         except OSError as error:
             raise UserError(f"{path}: cannot be written ({error.strerror}); choose another --out") from None
 

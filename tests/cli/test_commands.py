@@ -122,7 +122,5 @@ def test_a_port_that_only_root_may_take_is_no_other_program(monkeypatch):
         raise PermissionError(errno.EACCES, "Permission denied")
 
     monkeypatch.setattr(socket.socket, "bind", closed)
-    with pytest.raises(
-        UserError, match=r"page port 127.0.0.1:80: this user may not listen below 1024; .* with --web"
-    ):
+    with pytest.raises(UserError, match=r"page port 127.0.0.1:80: this user may not listen below 1024; .* with --web"):
         check_port("127.0.0.1", 80, "page", "--web-port")

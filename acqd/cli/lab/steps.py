@@ -19,6 +19,7 @@ import orjson
 from rich.console import Console
 from rich.progress import Progress
 
+from acqd.atomic import replace_file
 from acqd.cli.progress import PROGRESS_LINES, Show, bars
 from acqd.errors import OperationError, UserError, no_folder
 
@@ -71,7 +72,7 @@ class Steps:
             raise UserError(f"{self.out} is not empty and holds no {what}; choose another --out")
         try:
             self.out.mkdir(parents=True, exist_ok=True)
-            file.write_bytes(wanted)
+            replace_file(file, wanted)
         except OSError as error:
             raise UserError(f"{self.out}: cannot be written ({error.strerror}); choose another --out") from None
 

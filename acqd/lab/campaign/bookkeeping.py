@@ -11,7 +11,7 @@ from typing import Any, TextIO
 import orjson
 import sqlalchemy as sa
 
-from acqd.atomic import naming, require_writable
+from acqd.atomic import replace_file, require_writable
 from acqd.errors import InputError, OperationError, UserError, no_folder
 from acqd.lab.campaign.folders import Folders
 from acqd.lab.cell import device_name
@@ -70,8 +70,7 @@ def _lock_file(folders: Folders, settings: CampaignSettings) -> TextIO:
         folders.out.mkdir(parents=True, exist_ok=True)
         folders.truth.mkdir(parents=True, exist_ok=True)
         if not known:
-            with naming(path):
-                path.write_bytes(orjson.dumps(settings.model_dump(mode="json"), option=orjson.OPT_INDENT_2))
+            replace_file(path, orjson.dumps(settings.model_dump(mode="json"), option=orjson.OPT_INDENT_2))
         return (folders.truth / "lock").open("w")
     except OSError as error:
         raise UserError(f"{error.filename}: {error.strerror}; choose another --out") from None
