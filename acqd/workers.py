@@ -5,7 +5,8 @@ from __future__ import annotations
 import multiprocessing
 import os
 import secrets
-from collections.abc import Callable, Iterable, Iterator
+import signal
+from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
@@ -28,42 +29,59 @@ def run_here(work: Callable[[Task], Any], tasks: list[Task], jobs: int, tick: Ca
 
     Raises OperationError when a worker process was killed.
     """
-    with _pool(min(jobs, len(tasks))) as pool:
-        waiting: set[Future[Any]] = {pool.submit(work, task) for task in tasks}
-        with _cancelled_at_end(waiting):
-            while waiting:
-                done, _ = wait(waiting, _TICK_S, FIRST_COMPLETED)
-                waiting -= done
-                tick()
-                for future in done:
-                    yield future.result()
+    with _pool(min(jobs, len(tasks))) as pool, _ended(pool):
+        with _without_interrupts():
+            waiting: set[Future[Any]] = {pool.submit(work, task) for task in tasks}
+        while waiting:
+            done, _ = wait(waiting, _TICK_S, FIRST_COMPLETED)
+            waiting -= done
+            tick()
+            for future in done:
+                yield future.result()
 
 
 def run_here_as_well(work: Callable[[Task], Any], tasks: list[Task], jobs: int) -> Iterator[Any]:
     """As `run_here`, but one of the `jobs` (two or more) is this process: for tasks that take about as long as a
     process takes to start.
     """
-    with _pool(min(jobs, len(tasks)) - 1) as pool:
-        waiting: dict[Future[Any], Task] = {pool.submit(work, task): task for task in tasks}
-        with _cancelled_at_end(waiting):
-            while waiting:
-                free = next((future for future in waiting if future.cancel()), None)
-                if free is not None:
-                    yield work(waiting.pop(free))
-                done, _ = wait(waiting, None if free is None else 0.0, FIRST_COMPLETED)
-                for future in done:
-                    del waiting[future]
-                    yield future.result()
+    with _pool(min(jobs, len(tasks)) - 1) as pool, _ended(pool):
+        with _without_interrupts():
+            waiting: dict[Future[Any], Task] = {pool.submit(work, task): task for task in tasks}
+        while waiting:
+            free = next((future for future in waiting if future.cancel()), None)
+            if free is not None:
+                yield work(waiting.pop(free))
+            done, _ = wait(waiting, None if free is None else 0.0, FIRST_COMPLETED)
+            for future in done:
+                del waiting[future]
+                yield future.result()
 
 
 def _pool(processes: int) -> ProcessPoolExecutor:
     context = multiprocessing.get_context("spawn")  # no threads, locks or database handles inherited
-    return ProcessPoolExecutor(processes, context, initializer=die_with_parent)
+    return ProcessPoolExecutor(processes, context, initializer=_begin)
+
+
+def _begin() -> None:
+    """First of a worker: it ends with its parent and, without a word, by the Ctrl-C that the parent answers."""
+    die_with_parent()
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
 
 
 @contextmanager
-def _cancelled_at_end(waiting: Iterable[Future[Any]]) -> Iterator[None]:
-    """Raises OperationError where a worker process was killed."""
+def _without_interrupts() -> Iterator[None]:
+    """Processes that are started here keep a Ctrl-C for later: one that imports would print a traceback."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextmanager
+def _ended(pool: ProcessPoolExecutor) -> Iterator[None]:
+    """What waits at the end is left out. Raises OperationError where a worker process was killed."""
     try:
         yield
     except BrokenProcessPool:
@@ -71,8 +89,7 @@ def _cancelled_at_end(waiting: Iterable[Future[Any]]) -> Iterator[None]:
             "a worker process was killed (out of memory?); run the same command again to continue"
         ) from None
     finally:
-        for future in waiting:
-            future.cancel()
+        pool.shutdown(cancel_futures=True)  # by the pool's thread, which must not meet futures that others cancel
 
 
 def run_in_turn(work: Callable[[Task], Any], tasks: list[Task], tick: Callable[[], None]) -> Iterator[Any]:
