@@ -74,6 +74,10 @@ def _made(robot: str, recordings: int, seed: int, effect: str | None) -> Dataset
     from acqd.lab.effects import parse_effect
     from acqd.lab.settings import CampaignSettings
 
+    try:
+        folder().mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UserError(f"{folder()}: cannot be made ({error.strerror}); set ACQD_DATASETS to a folder") from None
     hidden = [] if effect is None else [parse_effect(effect, declared=False)]
     limited = (recordings + 1) // 2
     try:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -46,6 +47,7 @@ def page_command(
     """
     from acqd.energy.rules import rules_of
     from acqd.extras import require
+    from acqd.plant.device_row import SEVERITIES
     from acqd.plant.page import plant_page
     from acqd.plant.plant import read_plant
     from acqd.report.digits import counted
@@ -66,9 +68,9 @@ def page_command(
         print(orjson.dumps({"page": str(out), **about}).decode())
     else:
         others = f", {counted(len(plant.loose), 'alarm')} of no device here" if plant.loose else ""
-        bad = sum(row.severity != "fine" for row in plant.rows)
-        health = f"{bad} not fine" if bad or not plant.rows else "all fine"
-        print(f"{counted(len(plant.rows), 'device')}, {health}{others}: {out}")
+        counts = Counter(row.severity for row in plant.rows)
+        health = ", ".join(f"{counts[each]} {each}" for each in SEVERITIES if counts[each])
+        print(f"{counted(len(plant.rows), 'device')} ({health}){others}: {out}")
         _note(plant.trouble)
 
 

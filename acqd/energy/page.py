@@ -95,7 +95,7 @@ def comparison_text(bill: Statement) -> str:
     before = bill.before
     if not isinstance(before, Comparison):
         return before
-    change = "" if before.change is None else f", {100 * before.change:+.1f} %"
+    change = "" if before.change is None else f", {100 * before.change:+z.1f} %"
     why = "" if before.quantity == "kWh" else " (mean power, because rows lack)"
     unit = "kWh" if before.quantity == "kWh" else "W"
     return f"{number(before.before, 4)} {unit} before{change}{why}"

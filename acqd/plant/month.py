@@ -214,7 +214,7 @@ def _change(found: Comparison | str) -> str:
     if found.change is None:
         return "nothing the month before"
     why = "" if found.quantity == "kWh" else " (mean power: rows lack)"
-    return f"{100 * found.change:+.1f} %{why}"
+    return f"{100 * found.change:+z.1f} %{why}"
 
 
 def _cells(month: Month, account: Account, total: float | None) -> list[str]:

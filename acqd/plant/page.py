@@ -48,8 +48,8 @@ def plant_page(plant: Plant, out: Path) -> Page:
 def _verdict(plant: Plant) -> Verdict:
     count = {severity: sum(row.severity == severity for row in plant.rows) for severity in SEVERITIES}
     bad, loose = count["alarm"] + count["no rows"], plant.open_loose
-    known_to_somebody = count["acknowledged"] or plant.loose
-    tone: Tone = "bad" if bad or loose else "found" if count["changed"] else "open" if known_to_somebody else "fine"
+    in_doubt = count["acknowledged"] or plant.loose or plant.heard is None
+    tone: Tone = "bad" if bad or loose else "found" if count["changed"] else "open" if in_doubt else "fine"
     figures = [KeyFigure(severity, str(count[severity])) for severity in SEVERITIES if count[severity]]
     known = [row.kWh for row in plant.rows if row.kWh is not None]
     lacking = len(plant.rows) - len(known)
@@ -72,13 +72,13 @@ def _verdict(plant: Plant) -> Verdict:
     steps += [f"{alarm.get('key', '')}: {alarm.get('text', '')}" for alarm in loose[:_MOST_STEPS]]
     wrong = [f"{counted(bad, 'device')} without rows or with an open alarm"] if bad else []
     wrong += [f"{counted(len(loose), 'open alarm')} of no device in the table"] if loose else []
-    headline = ", ".join(wrong) or "No open alarm"
+    headline = ", ".join(wrong) or ("Alarms are unknown" if plant.heard is None else "No open alarm")
     return Verdict(tone, headline, "", figures, steps, warnings)
 
 
 def cells(row: DeviceRow, out: Path) -> list[object]:
     """A row of the table."""
-    trend = "-" if row.change is None else f"{100 * row.change:+.1f} %"
+    trend = "-" if row.change is None else f"{100 * row.change:+z.1f} %"
     days = ", ".join("-" if value is None else number(value) for value in row.days)
     return [
         row.device, row.severity, row.state, row.cause, row.since, _or_dash(row.kWh), _or_dash(row.EUR, cents=True),

@@ -152,6 +152,10 @@ def test_without_a_broker_or_a_tariff_nothing_is_invented(plant, ask):
     rows = {row["device"]: row for row in json.loads(done.stdout)["devices"]}
     assert {row["EUR"] for row in rows.values()} == {None} and {row["state"] for row in rows.values()} == {"not asked"}
     assert rows["cell-1"]["severity"] == "unknown" and "The broker was not asked" in (plant / "bare.html").read_text()
+    page = (plant / "bare.html").read_text()
+    assert "without rows or with an open alarm" in page and "No open alarm" not in page
+    shown = acqd_here("plant", "page", "--no-broker", "--config", plant / "bare.toml", cwd=plant)
+    assert "4 devices (1 no rows, 3 unknown): " in shown.stdout
     assert "acqd fleet writes the folder" in refused(
         ask("page", "--no-broker", "--config", plant / "bare.toml", "--fleet", plant / "nowhere")
     )
@@ -242,6 +246,15 @@ def test_pages_of_simulated_devices_say_so_on_the_first_day_and_where_rows_are_d
     for page in (plant_page(read, tmp_path / "a.html"), month_page(month, tmp_path / "a.html")):
         page.write(tmp_path / "a.html")
         assert ('class="label">simulated data<' in (tmp_path / "a.html").read_text()) is simulated
+
+
+def test_what_nobody_was_asked_for_is_not_fine(tmp_path):
+    engine = quarters(tmp_path / "p.sqlite", ("press-1", "2026-11-01", "2026-11-26T12:00"))
+    read = read_plant(engine, Rules(None, BERLIN), NOW, None, {}, lambda *_: None)
+    plant_page(read, tmp_path / "a.html").write(tmp_path / "a.html")
+    page = (tmp_path / "a.html").read_text()
+    assert "Alarms are unknown" in page and "No open alarm" not in page
+    assert "+0.0 %" in page.replace("\N{NO-BREAK SPACE}", " ") and "-0.0" not in page
 
 
 def test_a_month_without_rows_names_those_with_rows(tmp_path):

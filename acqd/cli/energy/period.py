@@ -178,6 +178,7 @@ def _print(bill: Statement) -> None:
             console.print(f"{kwh:.6f} kWh were counted where rows lack, over the end of a period: they belong to none")
         for remark in account.remarks:
             console.print(f"note: {remark}")
-    console.print(f"all devices: {bill.total.kWh or 0.0:.3f} kWh; {comparison_text(bill)}")
+    who = bill.accounts[0].device if len(bill.accounts) == 1 else "all devices"
+    console.print(f"{who}: {bill.total.kWh or 0.0:.3f} kWh; {comparison_text(bill)}")
     if bill.capacity_EUR is not None:
         console.print(f"capacity price: {bill.capacity_EUR:.2f} EUR {bill.capacity_text}")
