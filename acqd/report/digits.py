@@ -13,8 +13,9 @@ _MOST_DECIMALS = 6
 _SYMBOLS = "[nµmkMGT]?(?:Wh?|VAh?|varh?|V|A|J|Hz|B|g|m|s|N|Nm|K|Ohm)"
 _UNITS_AFTER_NUMBER = re.compile(
     rf"(?<=\d) (?:%|°C|ppm|dB|EUR|min|h|d|rad|deg|degC|{_SYMBOLS})(?!\w)(?: (?:m|s)(?:/\w+)?(?!\w))*"
+    r"|(?<=\d) (?:\+-|±) ?(?=\d)"
 )
-"""The second factor of a product of units, too: kg m, Nm s/rad."""
+"""The second factor of a product of units, too: kg m, Nm s/rad; and what stands between a value and its error."""
 _PREFIXES = {-3: "n", -2: "µ", -1: "m", 0: "", 1: "k", 2: "M", 3: "G", 4: "T"}
 
 

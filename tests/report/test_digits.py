@@ -10,6 +10,7 @@ from acqd.report.digits import (
     percent,
     quantity,
     quantity_with_interval,
+    unbroken,
     with_error,
     year_text,
 )
@@ -77,3 +78,9 @@ def test_a_year_has_an_interval_where_recordings_suffice(recordings, text):
     assert year_text(year) == text
     del year["recordings"]  # as an earlier version wrote it
     assert year_text(year) == "20.9 kWh (-33.0 to 75.0), 5.20 EUR"
+
+
+@pytest.mark.parametrize("text", ["8 +- 10 ms", "0.4 ± 0.1 kg", "8 +-10 ms", "23.0 J", "2.2 kg m"])
+def test_no_line_ends_within_a_value_its_error_and_its_unit(text):
+    assert " " not in unbroken(text) and unbroken(text).replace("\N{NO-BREAK SPACE}", " ") == text
+    assert unbroken(f"a {text} b").count(" ") == 2
