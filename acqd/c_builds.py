@@ -23,6 +23,7 @@ QUALITY_FALLBACK = "power quality and events with numpy take several times as lo
 TICKS_FALLBACK = "MAIN_FAST waits in Python, which costs more of the processor"
 SWITCHING_FALLBACK = "loads that switch are searched with numpy, which takes several times as long"
 FLAC_FALLBACK = "archived samples are read through libsndfile, which takes twice as long"
+FIRST_ORDER_FALLBACK = "the lag of the supply is computed by scipy, which takes several times as long"
 RIGID_BODY_FALLBACK = "joint torques are computed with numpy, which takes four to eight times as long"
 LSTM_FALLBACK = "train with --compute torch"
 FMU_FALLBACK = "acqd[fmu] brings zig"
@@ -88,6 +89,13 @@ def rigid_body(instructions: InstructionSet) -> CBuild:
     return CBuild(f"rigid-body-{instructions.name}", (source,), flags, RIGID_BODY_FALLBACK)
 
 
+def first_order(instructions: InstructionSet) -> CBuild:
+    """First-order filters; equal to scipy on every processor, so without contraction."""
+    source = _PACKAGE / "models" / "first_order.c"
+    flags = ("-O3", "-std=gnu11", *_SHARED, "-ffp-contract=off", "-Wall", "-Wextra", *instructions.options)
+    return CBuild(f"first-order-{instructions.name}", (source,), flags, FIRST_ORDER_FALLBACK)
+
+
 def lstm(instructions: InstructionSet) -> CBuild:
     """Loss and gradient of an LSTM."""
     flags = ("-O3", *_COMMON, *instructions.options, f"-DV={instructions.lanes}")
@@ -113,6 +121,7 @@ def all_builds(machine: str) -> list[CBuild]:
                 *(window(n, each) for n in (2, 4, 6)),
                 quality(each),
                 rigid_body(each),
+                first_order(each),
                 lstm(each),
                 flac(each),
             )

@@ -5,7 +5,7 @@ import platform
 import pytest
 
 from acqd import compiling
-from acqd.c_builds import CBuild, all_builds, flac, lstm, quality, rigid_body, window
+from acqd.c_builds import CBuild, all_builds, first_order, flac, lstm, quality, rigid_body, window
 from acqd.errors import OperationError, UserError
 from acqd.fmu import platforms
 from acqd.instruction_sets import INSTRUCTION_SETS, best_instruction_set
@@ -19,14 +19,15 @@ def test_a_wheel_holds_what_any_processor_of_its_kind_looks_for():
             lstm(instructions),
             quality(instructions),
             rigid_body(instructions),
+            first_order(instructions),
             flac(instructions),
             *(window(channels, instructions) for channels in (2, 4, 6)),
         ]
         assert {compiling.file_name(build) for build in wanted} <= names
     others = {build.name for build in all_builds("aarch64")}
     windows = {f"window-portable-{channels}" for channels in (2, 4, 6)}
-    anywhere = {"ticks", "switching", "flac-portable", "lstm-portable", "quality-portable", "rigid-body-portable"}
-    assert others == anywhere | windows
+    portable = {f"{name}-portable" for name in ("first-order", "flac", "lstm", "quality", "rigid-body")}
+    assert others == {"ticks", "switching"} | portable | windows
 
 
 def test_a_library_of_the_wheel_needs_neither_compiler_nor_cache(tmp_path, monkeypatch):

@@ -11,12 +11,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 from scipy.optimize import isotonic_regression
-from scipy.signal import lfilter
 
 from acqd.arrays import Floats
 from acqd.discrepancy.recordings import Subject
 from acqd.discrepancy.repair.usual_error import grown
 from acqd.discrepancy.thresholds import THRESHOLDS
+from acqd.models.first_order import filtered
 from acqd.models.metrics import predictions
 from acqd.models.segments import Segment
 
@@ -39,7 +39,7 @@ class _Smoothing:
         """[T] smoothed; the outer values continue beyond the ends."""
         if self.filters:
             keep = float(np.exp(-1 / self.rows))
-            return np.asarray(lfilter([1 - keep], [1.0, -keep], values, zi=values[:1] * keep)[0])
+            return filtered((1 - keep, 0.0), -keep, values, values[:1] * keep)[0]
         half = self.rows // 2
         sums = np.cumsum(np.pad(values, (half + 1, half), mode="edge"))
         return np.asarray((sums[self.rows :] - sums[: -self.rows]) / self.rows)

@@ -14,7 +14,7 @@ import numpy as np
 
 from acqd.arrays import Floats
 from acqd.robot.description import RobotDescription
-from acqd.robot.rigid_body import torques
+from acqd.robot.rigid_body import Turned, torques
 
 _GRAVITY = 9.81
 _TOGETHER = 4096
@@ -66,18 +66,23 @@ class Chain:
         return np.asarray(self.tip[0] + reach_m * self.tip[1])
 
 
-def joint_torque(chain: Chain, parameters: Floats, q: Floats, qd: Floats, qdd: Floats) -> Floats:
+def joint_torque(
+    chain: Chain, parameters: Floats, q: Floats, qd: Floats, qdd: Floats, *, turned: Turned | None = None
+) -> Floats:
     """Joint torques [T, axes] (Nm; forces in N of prismatic joints) of a motion [T, axes].
 
-    `parameters` are the inertial parameters [10 axes] in the order of `dynamics.regressor`.
+    `parameters` are the inertial parameters [10 axes] in the order of `dynamics.regressor`. `turned`: of these angles,
+    for who asks for the torques of one motion again and again.
     """
-    return np.asarray(joint_torques(chain, parameters[None], q, qd, qdd)[0])
+    return np.asarray(joint_torques(chain, parameters[None], q, qd, qdd, turned=turned)[0])
 
 
-def joint_torques(chain: Chain, arms: Floats, q: Floats, qd: Floats, qdd: Floats) -> Floats:
+def joint_torques(
+    chain: Chain, arms: Floats, q: Floats, qd: Floats, qdd: Floats, *, turned: Turned | None = None
+) -> Floats:
     """As `joint_torque`, of several sets of inertial parameters [n, 10 axes]: [n, T, axes]."""
     links = arms.reshape(len(arms), len(chain.axis), 10)
-    compiled = torques(chain.packed, _GRAVITY, links, q, qd, qdd)
+    compiled = torques(chain.packed, _GRAVITY, links, q, qd, qdd, turned)
     return torques_in_numpy(chain, links, q, qd, qdd) if compiled is None else compiled
 
 

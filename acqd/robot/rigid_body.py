@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import functools
+from typing import TypeAlias
 
 import numpy as np
 
@@ -14,6 +15,8 @@ from acqd.errors import OperationError
 from acqd.instruction_sets import best_instruction_set
 
 MOST_AXES = 16
+Turned: TypeAlias = tuple[Floats, Floats]
+"""Cosine and sine of angles: they take as long as the torques of one body."""
 
 
 @functools.cache
@@ -31,13 +34,20 @@ def library() -> ctypes.CDLL | None:
     return loaded
 
 
-def torques(packed: Floats, gravity: float, links: Floats, q: Floats, qd: Floats, qdd: Floats) -> Floats | None:
+def turned_by(q: Floats) -> Turned:
+    """Cosine and sine of angles."""
+    return np.cos(q), np.sin(q)
+
+
+def torques(
+    packed: Floats, gravity: float, links: Floats, q: Floats, qd: Floats, qdd: Floats, turned: Turned | None = None
+) -> Floats | None:
     """Torques [n, T, axes] of n sets of bodies `links` [n, axes, 10] at a motion [T, axes]; None without a compiler.
 
     Raises ValueError for velocities `qd` or accelerations `qdd` that do not fit the angles `q`.
 
     `packed` [axes, 28]: of every joint the place, the direction of sliding, the rotations before and after the
-    joint's own (3 x 3 each), the axis, and 1 if the joint slides. `gravity`: m/s^2.
+    joint's own (3 x 3 each), the axis, and 1 if the joint slides. `gravity`: m/s^2. `turned`: of these angles.
     """
     compiled = library()
     if compiled is None or q.shape[1] > MOST_AXES:
@@ -45,7 +55,7 @@ def torques(packed: Floats, gravity: float, links: Floats, q: Floats, qd: Floats
     tau = np.empty((len(links), *q.shape))
     motion = [
         np.ascontiguousarray(np.broadcast_to(each, q.shape), dtype=np.float64)
-        for each in (q, qd, qdd, np.cos(q), np.sin(q))
+        for each in (q, qd, qdd, *(turned or turned_by(q)))
     ]
     bodies = np.ascontiguousarray(links, dtype=np.float64)
     compiled.acqd_joint_torques(*q.shape, packed, gravity, *motion, len(links), bodies, tau)

@@ -24,28 +24,31 @@ def grey_box_columns(scene: Scene, withheld: frozenset[str] = frozenset()) -> Fl
     """
     model = scene.model
     layout = model.layout
-    at_substeps = np.zeros((len(scene.q), layout.size))
+    columns = np.zeros((scene.rows, layout.size))
     slope = scene.power_per_torque.copy()
     if "gain" in withheld:
         slope -= model.group("gain")[0] * scene.qd
     if "copper" in withheld:
         slope -= 2 * model.group("copper") * scene.tau
+    lag_s = float(model.group("lag")[0])
+
+    def fill(group: str, at_substeps: Floats) -> None:
+        columns[:, layout.part(group)] = Lag(lag_s, scene.step_s).means(at_substeps)
+
     bodies = np.eye(10 * scene.axes)
-    inertial = at_substeps[:, layout.part("inertial")]
+    inertial = columns[:, layout.part("inertial")]
     for link in range(scene.axes):  # torques of all bodies at once would be the largest array of the loop
         of_link = slice(10 * link, 10 * link + 10)
-        torques = joint_torques(model.chain, bodies[of_link], scene.q, scene.qd, scene.qdd)
-        inertial[:, of_link] = np.einsum("ktj,tj->tk", torques, slope)
-    at_substeps[:, layout.part("rotor")] = slope * scene.qdd
-    at_substeps[:, layout.part("coulomb")] = slope * scene.direction
-    at_substeps[:, layout.part("viscous")] = slope * scene.qd
-    at_substeps[:, layout.part("copper")] = scene.tau**2
-    at_substeps[:, layout.part("conduction")] = magnitude(scene.tau)
-    at_substeps[:, layout.part("gain")] = (scene.tau * scene.qd).sum(axis=1, keepdims=True)
+        torques = joint_torques(model.chain, bodies[of_link], scene.q, scene.qd, scene.qdd, turned=scene.turned)
+        inertial[:, of_link] = Lag(lag_s, scene.step_s).means(np.einsum("ktj,tj->tk", torques, slope))
+    fill("rotor", slope * scene.qdd)
+    fill("coulomb", slope * scene.direction)
+    fill("viscous", slope * scene.qd)
+    fill("copper", scene.tau**2)
+    fill("conduction", magnitude(scene.tau))
+    fill("gain", (scene.tau * scene.qd).sum(axis=1, keepdims=True))
     turned = slope * model.group("coulomb") * model.direction_slope(scene.qd)
-    at_substeps[:, layout.part("sign_speed")] = turned.sum(axis=1, keepdims=True)
-    lag_s = float(model.group("lag")[0])
-    columns = averaged(Lag(lag_s, scene.step_s).run(at_substeps))
+    fill("sign_speed", turned.sum(axis=1, keepdims=True))
     faster, slower = max(lag_s - _LAG_STEP_S, 0.0), lag_s + _LAG_STEP_S
     change = Lag(slower, scene.step_s).run(scene.drives) - Lag(faster, scene.step_s).run(scene.drives)
     columns[:, layout.part("lag")] = averaged(change)[:, None] / (slower - faster)

@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.signal import lfilter
 
 from acqd.arrays import Floats
 from acqd.discrepancy.regression.torque_alternatives import LawColumns, single_laws, torque_columns, torque_groups
@@ -16,6 +15,7 @@ from acqd.models.effects.laws.law import Law, MotionRange
 from acqd.models.effects.laws.power_laws import moving
 from acqd.models.effects.scene import Scene
 from acqd.models.effects.substeps import SUBSTEPS
+from acqd.models.first_order import filtered
 
 _MEMORIES_S = (3.0, 10.0, 30.0)
 _LONG_MEMORIES_S = (100.0, 300.0, 1200.0)
@@ -107,7 +107,7 @@ def smooth_columns(scene: Scene, ranges: Ranges, *, in_question: bool) -> list[F
         for column in law.at(scene, law.shape_of(ranges.motion, joint)).T
     ]  # fmt: skip
     columns += [np.ones(len(scene.q))]
-    columns += [_low_pass(np.abs(scene.drives), scene.substep_s, seconds) for seconds in _MEMORIES_S]
+    columns += [_remembered(np.abs(scene.drives), scene.substep_s, seconds, 0.0) for seconds in _MEMORIES_S]
     starts, stops = edges(moving(scene), scene, "moving")
     columns += list(bins(since(starts, scene, "start_age"), _AFTER_S).T)
     columns += list(bins(since(stops, scene, "stop_age"), _AFTER_S).T)
@@ -173,10 +173,4 @@ def _left_before(side: list[Survey]) -> dict[tuple[float, float], float]:
 def _remembered(values: Floats, step_s: float, seconds: float, before: float) -> Floats:
     """`values` [N] behind a first-order low-pass that starts at `before`."""
     keep = float(np.exp(-step_s / seconds))
-    out, _ = lfilter([1 - keep], [1, -keep], values, zi=[keep * before])
-    return np.asarray(out)
-
-
-def _low_pass(values: Floats, step_s: float, seconds: float) -> Floats:
-    keep = float(np.exp(-step_s / seconds))
-    return np.asarray(lfilter([1 - keep], [1, -keep], values))
+    return filtered((1 - keep, 0.0), -keep, values, np.array([keep * before]))[0]

@@ -146,4 +146,4 @@ def _torques(scene: Scene, bodies: list[tuple[int, Floats]], speeds: tuple[Float
     arms = np.zeros((len(bodies), scene.axes, 10))
     for arm, (link, body) in zip(arms, bodies, strict=True):
         arm[link] = body
-    return joint_torques(scene.model.chain, arms, scene.q, *(speeds or (scene.qd, scene.qdd)))
+    return joint_torques(scene.model.chain, arms, scene.q, *(speeds or (scene.qd, scene.qdd)), turned=scene.turned)

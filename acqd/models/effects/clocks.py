@@ -20,5 +20,5 @@ def later(scene: Scene, delays: Floats) -> Floats:
 def slope(scene: Scene) -> Floats:
     """[T] W/s: time derivative of the predicted power, by a difference of two lags."""
     lag_s = float(scene.model.group("lag")[0])
-    delayed = averaged(Lag(lag_s + _STEP_S, scene.step_s).run(scene.drives))
-    return (averaged(Lag(lag_s, scene.step_s).run(scene.drives)) - delayed) / _STEP_S
+    delayed = Lag(lag_s + _STEP_S, scene.step_s).means(scene.drives)
+    return (Lag(lag_s, scene.step_s).means(scene.drives) - delayed) / _STEP_S

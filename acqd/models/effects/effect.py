@@ -13,7 +13,7 @@ from acqd.arrays import Floats
 from acqd.models.effects.cause import Cause
 from acqd.models.effects.places import Place, Shape, Variant, in_units_of
 from acqd.models.effects.scene import Scene
-from acqd.models.effects.substeps import Lag, averaged
+from acqd.models.effects.substeps import Lag
 from acqd.models.greybox.model import GreyBox
 
 ActsOn = Literal["torque", "load", "meter", "clock"]
@@ -169,7 +169,7 @@ def effect_rows(
     scene.memory.update(memory)
     if effect.acts_on in ("meter", "clock") or not columns.shape[1]:
         return columns[: scene.rows]
-    return averaged(Lag(float(scene.model.group("lag")[0]), scene.step_s).run(columns))
+    return Lag(float(scene.model.group("lag")[0]), scene.step_s).means(columns)
 
 
 def effect_rows_at(effect: Effect, scene: Scene, shape: Shape, columns: Sequence[int], coefficients: Floats) -> Floats:

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from acqd.arrays import Floats
-from acqd.models.effects.substeps import RADIUS, SUBSTEPS, Lag, averaged, substep_motion, substep_switch
+from acqd.models.effects.substeps import RADIUS, SUBSTEPS, Lag, substep_motion, substep_switch, substep_times
 from acqd.models.features import padded
 from acqd.models.greybox.model import SMALL_TORQUE, GreyBox, magnitude
+from acqd.robot.rigid_body import Turned, turned_by
 
 if TYPE_CHECKING:
     from acqd.models.segments import Segment
@@ -63,6 +64,14 @@ class Scene:
         return int(self.q.shape[1])
 
     @property
+    def turned(self) -> Turned:
+        """[N, axes] cosine and sine of the angles, for every torque of this motion."""
+        if "turned" not in self.moved:
+            self.moved["turned"] = turned_by(self.q)
+        known: Turned = self.moved["turned"]
+        return known
+
+    @property
     def direction(self) -> Floats:
         """[N, axes] sign of the speeds, smoothed around standstill as in the model."""
         return self.model.direction(self.qd)
@@ -109,18 +118,19 @@ def make_scene(
     rows = len(q) - 2 * RADIUS
     switches = {name: substep_switch(values) for name, values in signals.items()}
     on = np.reshape(model.drives_on(switches), (-1, 1))
-    rigid, motor = (on * torque for torque in model.motor_torque(qf, qd, qdd))
+    turned = turned_by(qf)
+    rigid, motor = (on * torque for torque in model.motor_torque(qf, qd, qdd, turned))
     gain, copper, conduction = (model.group(name) for name in ("gain", "copper", "conduction"))
     power_per_torque = on * (gain[0] * qd + 2 * copper * motor + conduction * motor / np.hypot(motor, SMALL_TORQUE))
     drives = gain[0] * (motor * qd).sum(axis=1) + motor_loss(model, motor).sum(axis=1)
     lag = Lag(float(model.group("lag")[0]), step_s)
-    predicted = averaged(lag.run(drives)) + float(model.group("standby")[0])
+    predicted = lag.means(drives) + float(model.group("standby")[0])
     for name, weight in zip(model.signals, model.group("signals"), strict=True):
         predicted = predicted + weight * signals.get(name, np.zeros(rows))
-    t = start_s + ((np.arange(rows * SUBSTEPS) + 0.5) / SUBSTEPS - 0.5) * step_s
     return Scene(
-        step_s, t, qf, qd, qdd, rigid, motor, power_per_torque, model, drives, predicted,
-        switches, volts, None if temperature is None else np.repeat(temperature, SUBSTEPS, axis=0),
+        step_s, substep_times(start_s, rows, step_s), qf, qd, qdd, rigid, motor, power_per_torque, model, drives,
+        predicted, switches, volts, None if temperature is None else np.repeat(temperature, SUBSTEPS, axis=0),
+        moved={"turned": turned},
     )  # fmt: skip
 
 

@@ -7,9 +7,9 @@ up, stops or turns round, and those errors look like brakes and Stribeck frictio
 from __future__ import annotations
 
 import numpy as np
-from scipy.signal import lfilter
 
 from acqd.arrays import Floats
+from acqd.models.first_order import filtered
 from acqd.models.greybox.model import lag_filter
 
 SUBSTEPS = 4
@@ -49,6 +49,11 @@ def substep_switch(share: Floats) -> Floats:
     return np.asarray(on.ravel(), dtype=np.float64)
 
 
+def substep_times(start_s: float, rows: int, step_s: float) -> Floats:
+    """[SUBSTEPS T] s, UTC, of T rows; the middle of the first row is at `start_s`."""
+    return np.asarray(start_s + ((np.arange(rows * SUBSTEPS) + 0.5) / SUBSTEPS - 0.5) * step_s)
+
+
 def averaged(values: Floats) -> Floats:
     """[T, ...] means over the rows of values [SUBSTEPS T, ...]."""
     total = np.add(values[::SUBSTEPS], values[1::SUBSTEPS], dtype=np.float64)
@@ -66,7 +71,14 @@ class Lag:
 
     def run(self, values: Floats) -> Floats:
         """Filtered values along the first axis; the filter starts at rest at the very first value."""
+        return self._filtered(values, 1)
+
+    def means(self, values: Floats) -> Floats:
+        """[T, ...] `averaged` filtered values [SUBSTEPS T, ...]."""
+        return self._filtered(values, SUBSTEPS)
+
+    def _filtered(self, values: Floats, together: int) -> Floats:
         if self._state is None:
             self._state = values[:1] * (1 - self._b[0])
-        out, self._state = lfilter(self._b, self._a, values, axis=0, zi=self._state)
-        return np.asarray(out)
+        out, self._state = filtered(self._b, self._a, values, self._state, together)
+        return out

@@ -14,13 +14,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import lfilter
 
 from acqd.arrays import Floats
 from acqd.models.features import derivatives
+from acqd.models.first_order import filtered
 from acqd.models.greybox.parameters import Layout
 from acqd.models.predictor import Predictor
 from acqd.robot.newton_euler import Chain, joint_torque
+from acqd.robot.rigid_body import Turned
 
 SMALL_TORQUE = 0.5
 """Torque in Nm below which the magnitude of a torque is smoothed."""
@@ -32,17 +33,16 @@ def magnitude(tau: Floats) -> Floats:
     return np.asarray(np.sqrt(tau * tau + SMALL_TORQUE**2) - SMALL_TORQUE)
 
 
-def lag_filter(lag_s: float, step_s: float) -> tuple[Floats, Floats]:
-    """Coefficients b, a of a first-order lag (bilinear transform)."""
+def lag_filter(lag_s: float, step_s: float) -> tuple[tuple[float, float], float]:
+    """Coefficients b and a of a first-order lag (bilinear transform), as `filtered` takes them."""
     c = 2 * lag_s / step_s
-    return np.array([1.0, 1.0]) / (1 + c), np.array([1.0, (1 - c) / (1 + c)])
+    return (1 / (1 + c), 1 / (1 + c)), (1 - c) / (1 + c)
 
 
 def lagged(values: Floats, lag_s: float, step_s: float) -> Floats:
     """`values` behind a first-order lag along the first axis, in steady state at the first row."""
     b, a = lag_filter(lag_s, step_s)
-    out, _ = lfilter(b, a, values, axis=0, zi=values[:1] * (1 - b[0]))
-    return np.asarray(out)
+    return filtered(b, a, values, values[:1] * (1 - b[0]))[0]
 
 
 @dataclass(slots=True)
@@ -95,7 +95,7 @@ class GreyBox(Predictor):
             state.lagged = now
         else:
             b, a = lag_filter(self._lag, self.step_s)
-            state.lagged = b[0] * now + b[1] * state.before - a[1] * state.lagged
+            state.lagged = b[0] * now + b[1] * state.before - a * state.lagged
         state.before = now
         return state.lagged + float(signals @ self.group("signals")) + float(self.group("standby")[0])
 
@@ -103,9 +103,9 @@ class GreyBox(Predictor):
     def _lag(self) -> float:
         return float(self.group("lag")[0])
 
-    def motor_torque(self, q: Floats, qd: Floats, qdd: Floats) -> tuple[Floats, Floats]:
-        """Rigid-body torque and motor torque, both at the gear output [T, axes] Nm."""
-        tau = self.rigid_torque(q, qd, qdd)
+    def motor_torque(self, q: Floats, qd: Floats, qdd: Floats, turned: Turned | None = None) -> tuple[Floats, Floats]:
+        """Rigid-body torque and motor torque, both at the gear output [T, axes] Nm; `turned` as in `joint_torque`."""
+        tau = self.rigid_torque(q, qd, qdd, turned)
         return tau, tau + self._beyond_links(qd, qdd)
 
     def _beyond_links(self, qd: Floats, qdd: Floats) -> Floats:
@@ -151,9 +151,9 @@ class GreyBox(Predictor):
         qd, qdd = derivatives(q, self.step_s)
         return {name: on * power for name, power in self._powers(self.rigid_torque(q[1:-1], qd, qdd), qd, qdd).items()}
 
-    def rigid_torque(self, q: Floats, qd: Floats, qdd: Floats) -> Floats:
+    def rigid_torque(self, q: Floats, qd: Floats, qdd: Floats, turned: Turned | None = None) -> Floats:
         """[T, axes] Nm of the links at the gear output."""
-        return joint_torque(self.chain, self.group("inertial"), q, qd, qdd)
+        return joint_torque(self.chain, self.group("inertial"), q, qd, qdd, turned=turned)
 
     def drive_power(self, tau: Floats, qd: Floats, qdd: Floats) -> Floats:
         """[T] W of the drives with open brakes, before the lag, for rigid-body torques [T, axes], in any order."""

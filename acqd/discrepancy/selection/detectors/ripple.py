@@ -6,7 +6,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import lfilter
 
 from acqd.arrays import Floats
 from acqd.discrepancy.thresholds import THRESHOLDS
@@ -116,7 +115,7 @@ def _explained(
 
 def _adjoint(residual: Floats, whitener: Whitener, lag_s: float, step_s: float) -> Floats:
     """[N] the adjoint of averaging, lag and whitening, applied to the white residual."""
-    white = lfilter(whitener.taps, [1.0], residual)
-    backward = lfilter(whitener.taps, [1.0], white[::-1])[::-1]
+    white = np.convolve(residual, whitener.taps)[: len(residual)]
+    backward = np.convolve(white[::-1], whitener.taps)[len(white) - 1 :: -1]
     at_substeps = np.repeat(backward, SUBSTEPS) / SUBSTEPS
     return np.asarray(Lag(lag_s, step_s).run(at_substeps[::-1, None])[::-1, 0])

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-import numpy as np
-
 from acqd.arrays import Floats
 from acqd.models.effects.cause import Cause
 from acqd.models.effects.given_torques import GivenTorques
 from acqd.models.effects.places import Parameter, Place
 from acqd.models.effects.scene import Scene
 from acqd.robot.newton_euler import joint_torque
+from acqd.robot.rigid_body import Turned, turned_by
 
 _USUAL, _LARGEST = 0.02, 0.35
 """rad (m of prismatic joints): prior deviation, and the largest shift that columns at the logged angle describe."""
@@ -41,9 +40,9 @@ class JointZero(GivenTorques):
         known: dict[int, Floats] = scene.moved.setdefault("joint_zero", {})
         if column not in known:
             chain, links = scene.model.chain, scene.model.group("inertial")
-            step = _STEP * np.eye(scene.axes)[column]
             after, before = (
-                joint_torque(chain, links, q, scene.qd, scene.qdd) for q in (scene.q + step, scene.q - step)
+                joint_torque(chain, links, q, scene.qd, scene.qdd, turned=turned)
+                for q, turned in (_moved(scene, column, step) for step in (_STEP, -_STEP))
             )
             known[column] = (after - before) / (2 * _STEP)
         return known[column]
@@ -53,3 +52,11 @@ class JointZero(GivenTorques):
         for k in range(scene.axes):
             unit = "m" if k in scene.model.layout.sliding else "rad"
             yield Place(f"joint {k + 1}", (k,), (Parameter("shift", unit, -_LARGEST, _LARGEST, _USUAL),))
+
+
+def _moved(scene: Scene, column: int, step: float) -> tuple[Floats, Turned]:
+    """[N, axes] angles of which one joint's are a step on, and their cosine and sine."""
+    q, cosine, sine = (each.copy() for each in (scene.q, *scene.turned))
+    q[:, column] += step
+    cosine[:, column], sine[:, column] = turned_by(q[:, column])
+    return q, (cosine, sine)

@@ -61,7 +61,8 @@ def _torques(scene: Scene) -> Floats:
         still, links = np.zeros_like(scene.q), scene.model.group("inertial")[None]
         scene.moved["mounting"] = np.concatenate(
             [
-                -joint_torques(_turned(scene.model.chain, axis), links, scene.q, still, still) / GRAVITY
+                -joint_torques(_turned(scene.model.chain, axis), links, scene.q, still, still, turned=scene.turned)
+                / GRAVITY
                 for axis in range(3)
             ]
         )
