@@ -24,7 +24,7 @@ from acqd.models.effects.effect import Effect, effect_rows
 from acqd.models.effects.laws.law import MotionRange
 from acqd.models.effects.places import Variant
 from acqd.models.effects.scene import Scene
-from acqd.models.effects.substeps import Lag, averaged
+from acqd.models.effects.substeps import Lag
 from acqd.models.greybox.model import GreyBox
 from acqd.models.segments import Segment
 from acqd.residual.known_rows import known_rows
@@ -135,6 +135,8 @@ class DesignColumns:
     """Ids of effects that compete."""
     motion: MotionRange
     """That all recordings cover."""
+    dynamic_range: float
+    """p99 - p1 of the measured power, W."""
     named: Callable[[Scene], Floats]
     """[T, base and effects] W: the first columns, those of the base model and of all effects, in another scene."""
     load: CommonLoad | None = None
@@ -149,11 +151,6 @@ class DesignColumns:
             if part.segment == segment:
                 deviation[part.own] = part.noise
         return deviation
-
-    @property
-    def dynamic_range(self) -> float:
-        """p99 - p1 of the measured power, W."""
-        return float(np.ptp(np.percentile(np.concatenate([s.P for s in self.segments]), [1, 99])))
 
     @property
     def in_question(self) -> Floats:
@@ -201,6 +198,7 @@ def design_columns(
         candidates=tuple(_candidates(model, effects, scenes[0], difference=not all(scenes.in_question))),
         parts=tuple(_parts(segments, model.step_s)), segments=scenes.segments, scenes=scenes, values=tuple(values),
         residual=tuple(residual), chosen=chosen, motion=ranges.motion, named=named,
+        dynamic_range=float(np.ptp(np.percentile(np.concatenate([s.P for s in scenes.segments]), [1, 99]))),
     )  # fmt: skip
 
 
@@ -219,7 +217,7 @@ def _rows(scene: Scene, named: Floats, unnamed: list[Floats]) -> NDArray[np.floa
     lag_s = float(scene.model.group("lag")[0])
     for place in range(0, len(unnamed), _AT_ONCE):
         some = np.column_stack(unnamed[place : place + _AT_ONCE])
-        rows[:, first + place : first + place + _AT_ONCE] = averaged(Lag(lag_s, scene.step_s).run(some))
+        rows[:, first + place : first + place + _AT_ONCE] = Lag(lag_s, scene.step_s).means(some)
     return rows
 
 

@@ -87,20 +87,16 @@ class Gram:
 
 def upper_triangle(matrix: Floats) -> Floats:
     """[n (n + 1) / 2] of a symmetric matrix [n, n], row by row."""
-    return np.take(matrix, _triangle(len(matrix)))
+    return np.concatenate([row[k:] for k, row in enumerate(matrix)])
 
 
 def symmetric(triangle: Floats, size: int) -> Floats:
     """[size, size] of its `upper_triangle`."""
-    matrix = np.zeros((size, size))
-    matrix.flat[_triangle(size)] = triangle
-    return matrix + np.triu(matrix, 1).T
-
-
-@lru_cache(maxsize=4)
-def _triangle(size: int) -> Indices:
-    """[size (size + 1) / 2] indices into the elements of a matrix, row by row: those on or above the diagonal."""
-    return np.flatnonzero(np.triu(np.ones((size, size), dtype=bool)))
+    matrix, first = np.empty((size, size)), 0
+    for k in range(size):
+        matrix[k, k:] = matrix[k:, k] = triangle[first : first + size - k]
+        first += size - k
+    return matrix
 
 
 class _Places(NamedTuple):

@@ -18,6 +18,7 @@ from acqd.discrepancy.regression.least_squares import Column, Regression
 from acqd.discrepancy.regression.onset import Gate, onset_gates
 from acqd.discrepancy.regression.white_rows import white_products
 from acqd.discrepancy.thresholds import THRESHOLDS
+from acqd.memory import release_freed
 from acqd.models.effects import library
 from acqd.models.greybox.model import GreyBox
 from acqd.models.greybox.parameters import prior
@@ -71,6 +72,7 @@ def set_up(comparison: Comparison, progress: Callable[[float], None]) -> Setup:
     columns = design_columns(
         comparison.model, segments, comparison.chosen, comparison.withheld, progress, comparison.begins
     )
+    release_freed()  # what scenes leave behind is larger than what follows
     columns = columns.with_withheld(comparison.withheld)
     base = _base(columns, comparison)
     everywhere = np.ones(len(columns.parts))
@@ -80,7 +82,7 @@ def set_up(comparison: Comparison, progress: Callable[[float], None]) -> Setup:
     left = list(left_by_everything(columns, Whitener.of(list(columns.residual)), base, noise_weights).values())
     whitener = Whitener.of(left)
     slow = Whitener.of(left, 3 * NOISE.noise_order)
-    columns = with_noise(columns, whitener, base, [white_products(columns, whitener, part) for part in columns.parts])
+    columns = with_noise(columns, whitener, base)
     products = [white_products(columns, whitener, part) for part in columns.parts]
     design = Design.of(columns, whitener, slow, inliers(columns, whitener, base, products), products)
     design = replace(design, witness=Witness.of(comparison.model, comparison.robot, segments, columns.scenes))

@@ -13,10 +13,10 @@ from acqd.discrepancy.regression.gram import upper_triangle
 from acqd.residual.whitening import Whitener
 
 
-def block_rows(columns: DesignColumns, part: Part) -> NDArray[np.float32]:
-    """[rows, p + 1] columns and residual of a block with its past, not white."""
+def block_rows(columns: DesignColumns, part: Part, first: int | None = None) -> NDArray[np.float32]:
+    """[rows, k + 1] the `first` k columns (all: None) and the residual of a block with its past, not white."""
     residual = columns.residual[part.segment][part.rows, None]
-    return np.concatenate([columns.values[part.segment][part.rows], residual.astype(np.float32)], axis=1)
+    return np.concatenate([columns.values[part.segment][part.rows, :first], residual.astype(np.float32)], axis=1)
 
 
 def white_rows(whitener: Whitener, part: Part, values: NDArray[Any]) -> Floats:
