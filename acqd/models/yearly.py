@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.stats import t as student
 
+from acqd import student
 from acqd.arrays import Floats
 from acqd.errors import UserError
 from acqd.models.noise_floor import STILL_RAD_S

@@ -15,7 +15,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from acqd.arrays import Floats
 from acqd.discrepancy.ability.smallest import POWER, Smallest, competition_of
@@ -104,6 +104,6 @@ def _told_apart(effect: Smallest, explained: float, kinds: int) -> float | None:
     left = 1 - explained
     if effect.size is None or left <= THRESHOLDS.column_error**2:
         return None
-    share, q = 1 - THRESHOLDS.column_error**2 / left, float(norm.ppf(POWER))
+    share, q = 1 - THRESHOLDS.column_error**2 / left, float(ndtri(POWER))
     u = (q + np.sqrt(q**2 + share * by_chance(kinds))) / share
     return max(effect.size, float(u / np.sqrt(effect.precision * left)))

@@ -15,9 +15,9 @@ from typing import Literal
 
 import numpy as np
 from scipy.optimize import brentq
-from scipy.stats import norm
-from scipy.stats import t as student
+from scipy.special import ndtri
 
+from acqd import student
 from acqd.arrays import Floats
 from acqd.discrepancy.joints.witness import TwoWitnesses
 from acqd.discrepancy.regression.design_columns import Candidate
@@ -32,7 +32,7 @@ from acqd.discrepancy.thresholds.chance import by_chance
 
 POWER = 0.95
 """Probability with which an effect of the stated size passes the rules."""
-_SURE = float(norm.ppf(POWER))
+_SURE = float(ndtri(POWER))
 LimitedBy = Literal["rows", "sessions", "relevance", "bounds", "motion"]
 """Noise of the rows; differences of unchanged sessions; sizes that do not matter; physics; columns that never act."""
 

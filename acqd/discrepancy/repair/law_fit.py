@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import t as student
 
+from acqd import student
 from acqd.arrays import Floats
 from acqd.discrepancy.regression.design_matrix import Design
 from acqd.discrepancy.regression.least_squares import Regression

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t as student
 
+from acqd import student
 from acqd.arrays import Floats
 from acqd.discrepancy.regression.least_squares import Column
 from acqd.discrepancy.selection.accepted import Selected, Selection, Unknown, unnamed

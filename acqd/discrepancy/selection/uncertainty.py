@@ -6,8 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import t as student
 
+from acqd import student
 from acqd.arrays import Floats
 from acqd.discrepancy.selection.accepted import Selected, Selection
 from acqd.discrepancy.selection.placing import without
