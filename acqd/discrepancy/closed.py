@@ -11,7 +11,8 @@ from acqd.discrepancy.recordings import Subject
 from acqd.discrepancy.repair.correction import Correction
 from acqd.discrepancy.repair.guard import Improved
 from acqd.discrepancy.repair.terms import Reported
-from acqd.discrepancy.selection.accepted import Hypothesis, Selection, Verdict
+from acqd.discrepancy.selection.accepted import Found, Hypothesis, Verdict
+from acqd.discrepancy.strength import Strength
 from acqd.residual.quality import Quality
 from acqd.threshold import Stage
 
@@ -21,7 +22,9 @@ class Closed:
     """Everything that the report shows."""
 
     subject: Subject
-    selection: Selection
+    selection: Found
+    strengths: dict[str, Strength]
+    """By the key of a selected effect."""
     improved: Improved
     before: Quality
     after: Quality

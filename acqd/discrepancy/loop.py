@@ -29,6 +29,7 @@ from acqd.discrepancy.repair.predictive import Predictive
 from acqd.discrepancy.repair.torque_scale import scale_notes
 from acqd.discrepancy.repair.usual_error import UsualError
 from acqd.discrepancy.search import Progress, search
+from acqd.discrepancy.strength import Strength
 from acqd.discrepancy.verdict import settled
 from acqd.memory import release_freed
 from acqd.models.noise_floor import noise_floor
@@ -54,6 +55,7 @@ def close_loop(config: CloseConfig, progress: Progress) -> Closed:
         selection = replace(selection, unknown=doubts[0])
     progress("predicting held-out recordings", 0.0)
     predictive = Predictive.of(selection, subject)
+    progress("judging by held-out recordings", 0.0)
 
     def grown(errors: list[Floats]) -> bool:
         return usual.exceeded_by(subject.held_out, predictive.of_change(errors))
@@ -81,8 +83,10 @@ def close_loop(config: CloseConfig, progress: Progress) -> Closed:
     ]
     progress("what these recordings can tell", 0.0)
     ability = Ability.of(selection.unexplained, selection.design.columns.in_question)
+    strengths = {each.key: Strength.of(selection, each) for each in selection.effects}
     return Closed(
-        ability=ability, subject=subject, selection=selection, improved=improved, before=quality(errors_before),
+        ability=ability, subject=subject, selection=selection.found, strengths=strengths,
+        improved=improved, before=quality(errors_before),
         after=after, errors_before=errors_before, floor_W=floor_W, floor_source=floor_source,
         reference_rmse=usual.reference_rms, mistimed=bool(mistimed),
         joints=joint_level(selection.witness, subject.chosen), verdict=verdict, stages=stages_of(subject, selection),

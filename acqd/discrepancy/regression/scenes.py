@@ -64,6 +64,15 @@ class Scenes(Sequence[Scene]):
             self._scenes[number] = scene
         return scene
 
+    def drop_kept(self) -> None:
+        """Keep no scene from now on, for who has asked for most of them: all are made again when asked for."""
+        self.kept, self._newest = frozenset(), None
+        self._scenes.clear()
+
+    def memory(self, number: int) -> dict[str, Any]:
+        """What effects remember of a scene, which is not made for that."""
+        return self._memory[number]
+
     def remember(self, number: int, known: dict[str, Any]) -> None:
         """Add to what effects remember of a scene."""
         self._memory[number].update(known)

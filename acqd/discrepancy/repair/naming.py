@@ -25,6 +25,9 @@ def named_effects(
     for selected in selection.effects:
         progress(f"confidence of {selected.id}", 0.0)
         judged[selected.key] = named_or_not(reported(selection, selected, scale))
+    selection.design.columns.scenes.drop_kept()
+    progress("the same at speeds of the reference", 0.0)
+    for selected in selection.effects:
         if judged[selected.key].status == "named" and _only_beyond_reference(selection, selected):
             lacks = "evidence at speeds that the reference has, too"
             judged[selected.key] = judged[selected.key].without_name("refused", lacks)

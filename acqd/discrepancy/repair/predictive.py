@@ -54,7 +54,7 @@ class Beside:
     def of(cls, selection: Selection, subject: Subject) -> Beside:
         """Of a selection, on the subject's held-out segments."""
         columns, regression = selection.design.columns, selection.regression
-        memory = columns.scenes[columns.scenes.in_question.index(True)].memory
+        memory = columns.scenes.memory(columns.scenes.in_question.index(True))
         owners = {(each.id, each.place.where): each.key for each in selection.effects}
         width = 1 + max(int(each.indices.max()) for each in columns.candidates if each.id)
         free = np.array([

@@ -7,7 +7,6 @@ from typing import Any, Literal
 
 import numpy as np
 from scipy.special import expit
-from scipy.stats import norm
 
 from acqd.arrays import Floats
 from acqd.discrepancy.delay import Delay
@@ -127,9 +126,9 @@ def reported(selection: Selection, selected: Selected, scale: TorqueScale) -> Re
 def _session_starts(selection: Selection, effect: Effect) -> dict[str, float]:
     """UTC of the start of the sessions in question, s, in the keys of a bundle; gears started with their work."""
     scenes = selection.design.columns.scenes
-    asked = [scene for scene, side in zip(scenes, scenes.in_question, strict=True) if side]
+    asked = [scenes.memory(number) for number, side in enumerate(scenes.in_question) if side]
     worked = 0.0 if effect.acts_on == "clock" else 1.0
-    origins = sorted({float(scene.memory["origin_s"] - worked * scene.memory["worked_s"]) for scene in asked})
+    origins = sorted({float(memory["origin_s"] - worked * memory["worked_s"]) for memory in asked})
     return {f"{ORIGIN}_{k}" if k else ORIGIN: origin for k, origin in enumerate(origins)}
 
 
@@ -216,7 +215,7 @@ def _clock_confidence(delay: Delay, delays: Floats) -> float:
     times = np.array([time for time, _ in delay.single])
     error = float(np.hypot(error, THRESHOLDS.delay_floor_s / max(np.sqrt(((times - times.mean()) ** 2).sum()), 1e-9)))
     wide = float(np.hypot(error, THRESHOLDS.drift_deviation))
-    constant = norm.logpdf(rate, scale=error) - norm.logpdf(rate, scale=wide)
+    constant = float(np.log(wide / error) - rate**2 * (error**-2.0 - wide**-2.0) / 2)  # two normal densities
     return float(expit(-constant if delay.drifts else constant))
 
 

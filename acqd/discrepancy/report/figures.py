@@ -10,7 +10,7 @@ from acqd.arrays import Floats
 from acqd.discrepancy.closed import Closed
 from acqd.discrepancy.joints.summary import JointLevel
 from acqd.discrepancy.repair.correction import Correction
-from acqd.discrepancy.selection.accepted import Selected
+from acqd.discrepancy.strength import Strength
 from acqd.models.metrics import predictions
 from acqd.residual.aspects import Aspect, aspects
 
@@ -73,41 +73,21 @@ def joints(level: JointLevel) -> Figure:
     return figure
 
 
-def explained(closed: Closed, selected: Selected) -> Figure:
+def explained(strength: Strength, name: str) -> Figure:
     """Left: residual without the effect against the power of the effect, in bins. Right: block by block."""
-    selection = closed.selection
-    design, regression = selection.design, selection.regression
-    beta = regression.solve()
-    mine = np.array([column.owner == selected.key for column in regression.columns])
-    contribution, partial, share, starts = [], [], [], []
-    for number, part in enumerate(design.parts):
-        if not selected.gate.open[number]:
-            continue
-        values = design.values(part.segment, regression.indices, part.rows)
-        weights = beta * regression.gates[:, number]
-        effect = values @ np.where(mine, weights, 0.0)
-        rest = design.columns.residual[part.segment][part.rows] - values @ np.where(mine, 0.0, weights)
-        contribution.append(effect)
-        partial.append(rest)
-        power = float(effect @ effect)
-        if power > 0:
-            share.append(float(effect @ rest) / power)
-            starts.append(part.start_s)
-    x: Floats = np.concatenate(contribution).astype(np.float64)
-    y: Floats = np.concatenate(partial).astype(np.float64)
+    x, y, share = strength.power, strength.left, strength.shares
     figure = _figure(9.5, 3.4)
     left, right = figure.subplots(1, 2, width_ratios=[1, 1])
     middle, mean, error = _bins(x, y)
     left.errorbar(middle, mean, 2 * error, fmt="o", ms=4, color=_AFTER, label="mean of bins")
     limits = np.array([x.min(), x.max()])
     left.plot(limits, limits, color="black", lw=0.8, label="line of equality")
-    left.set_xlabel(f"power of {selected.id} as fitted [W]")
+    left.set_xlabel(f"power of {name} as fitted [W]")
     left.set_ylabel("residual without the effect [W]")
     left.legend(frameon=False, fontsize=8)
-    order = np.argsort(starts)
     right.axhline(1, color="black", lw=0.8)
     right.axhline(0, color=_UNNAMED, lw=0.8)
-    right.plot(np.array(share)[order], "o", ms=4, color=_AFTER)
+    right.plot(share, "o", ms=4, color=_AFTER)
     right.set_ylim(*np.clip([min(np.min(share), -0.2), max(np.max(share), 1.4)], -3, 5))
     right.set_xlabel("blocks of at most a minute, in the order of time")
     right.set_ylabel("strength relative to the fit")

@@ -161,7 +161,7 @@ def _effect(page: Page, closed: Closed, each: Reported, index: int) -> None:
     )
     if selected is not None:
         page.figure(
-            figures.explained(closed, selected),
+            figures.explained(closed.strengths[selected.key], selected.id),
             "Left: residual without the effect against the effect's power. Right: strength of the effect over time.",
         )
     with page.folded("Parameters and equation"):

@@ -144,14 +144,10 @@ class Unknown:
     margin: float
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Selection:
-    """Result of a selection."""
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Found:
+    """What a search has found."""
 
-    rows: Rows
-    """With the columns of the selected effects, and the regression of the base model and all of them."""
-    witness: Witness | None
-    """Logged torques before any effect."""
     effects: tuple[Selected, ...] = ()
     unknown: Unknown | None = None
     steps: tuple[tuple[Hypothesis, ...], ...] = ()
@@ -164,6 +160,28 @@ class Selection:
     """Of every kind of hypothesis before the first effect was selected; None where nothing acts."""
 
     @property
+    def tables(self) -> list[tuple[Hypothesis, ...]]:
+        """Of every step of the search."""
+        return [*self.steps, self.table]
+
+    @property
+    def verdict(self) -> Verdict:
+        """Of the search alone."""
+        if self.effects:
+            return "effects_found"
+        return "unknown_structure" if self.unknown is not None else "nothing_left"
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Selection(Found):
+    """What a search has found, and the rows that show it: in an hour of recordings, hundreds of MB."""
+
+    rows: Rows
+    """With the columns of the selected effects, and the regression of the base model and all of them."""
+    witness: Witness | None
+    """Logged torques before any effect."""
+
+    @property
     def design(self) -> Design:
         """With the columns of the selected effects."""
         return self.rows.design
@@ -174,9 +192,12 @@ class Selection:
         return self.rows.regression
 
     @property
-    def tables(self) -> list[tuple[Hypothesis, ...]]:
-        """Of every step of the search."""
-        return [*self.steps, self.table]
+    def found(self) -> Found:
+        """Without the rows."""
+        return Found(
+            effects=self.effects, unknown=self.unknown, steps=self.steps, table=self.table, usual=self.usual,
+            standing=self.standing,
+        )  # fmt: skip
 
     @property
     def unexplained(self) -> Rows:
@@ -185,13 +206,6 @@ class Selection:
         for each in self.effects:
             regression = regression.without(each.key)
         return replace(self.rows, design=replace(self.rows.design, witness=self.witness), regression=regression)
-
-    @property
-    def verdict(self) -> Verdict:
-        """Of the selection alone."""
-        if self.effects:
-            return "effects_found"
-        return "unknown_structure" if self.unknown is not None else "nothing_left"
 
 
 def power_in_question(design: Design, finding: Finding, gate: Floats) -> list[Floats]:

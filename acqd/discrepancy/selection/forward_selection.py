@@ -55,8 +55,8 @@ def select(setup: Setup, limits: Limits, progress: Callable[[str], None]) -> Sel
         state = replace(doubt.before, rows=doubt.rows, unknown=doubt.law, table=table, standing=state.standing)
     rows = replace(state.rows, regression=state.rows.regression.on(state.rows.design.blocks))
     return Selection(
-        rows, setup.design.witness, state.effects, state.unknown, steps=state.steps, table=state.table,
-        usual=state.usual, standing=state.standing,
+        rows=rows, witness=setup.design.witness, effects=state.effects, unknown=state.unknown, steps=state.steps,
+        table=state.table, usual=state.usual, standing=state.standing,
     )  # fmt: skip
 
 

@@ -28,6 +28,11 @@ CLIPPED = found(
 """A share from minus 3 to 4 beyond a power that is certain."""
 
 
+def selection_of(*effects):
+    columns = SimpleNamespace(scenes=SimpleNamespace(drop_kept=lambda: None))
+    return SimpleNamespace(effects=effects, rows=None, design=SimpleNamespace(columns=columns))
+
+
 @pytest.mark.parametrize(
     ("effect", "missing"),
     [
@@ -65,7 +70,7 @@ def test_a_name_needs_evidence_at_speeds_that_the_reference_has(beyond, status, 
     monkeypatch.setattr(naming, "only_beyond_reference", lambda *_: beyond)
     gate, row = SimpleNamespace(open=None), SimpleNamespace(margin=15.0)
     effect = SimpleNamespace(id="coulomb_friction", key="friction", gate=gate, finding=None, hypothesis=row)
-    selection = SimpleNamespace(effects=(effect,), rows=None)
+    selection = selection_of(effect)
     (judged,) = naming.named_effects(None, selection, None, lambda *_: None)
     assert judged.status == status and ("speeds that the reference has" in judged.missing) is beyond
 
@@ -82,7 +87,7 @@ def test_a_name_does_not_hang_on_the_name_of_what_acts_beside_it(monkeypatch):
     monkeypatch.setattr(naming, "reported", reported)
     monkeypatch.setattr(naming, "_only_beyond_reference", lambda *_: False)
     effects = tuple(SimpleNamespace(id=key, key=key) for key in ("friction", "contact"))
-    selection = SimpleNamespace(effects=effects, rows=None)
+    selection = selection_of(*effects)
     judged = naming.named_effects(None, selection, None, lambda *_: None)
     assert [each.status for each in judged] == ["hypothesis", "named"]
     assert all(each is selection for each in seen)
