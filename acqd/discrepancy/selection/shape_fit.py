@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -52,13 +52,20 @@ class _Columns:
 
     def __call__(self, shape: Shape, coefficients: Floats | None = None) -> list[Floats]:
         """[T, parameters] W per unit, per segment: of an effect of that size, or of a small one."""
-        count = len(self.place.parameters)
-        return [
-            self._rows(self.design.columns.scenes[k], shape, coefficients)
-            if k in self.open
-            else np.zeros((len(segment.P), count))
-            for k, segment in enumerate(self.design.columns.segments)
-        ]
+        return self.of_shapes([shape], coefficients)[0]
+
+    def of_shapes(self, shapes: Sequence[Shape], coefficients: Floats | None) -> list[list[Floats]]:
+        """The same of several shapes, for which every scene is made once."""
+        columns: list[list[Floats]] = [[] for _ in shapes]
+        for k, segment in enumerate(self.design.columns.segments):
+            scene = self.design.columns.scenes[k] if k in self.open else None
+            for of_shape, shape in zip(columns, shapes, strict=True):
+                of_shape.append(
+                    np.zeros((len(segment.P), len(self.place.parameters)))
+                    if scene is None
+                    else self._rows(scene, shape, coefficients)
+                )
+        return columns
 
     def _rows(self, scene: Scene, shape: Shape, coefficients: Floats | None) -> Floats:
         chosen = list(self.place.columns)

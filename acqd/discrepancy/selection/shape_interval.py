@@ -63,7 +63,8 @@ class Neighbours:
         columns = columns_of(design, effect, fitted.place, selected.gate.open)
         values = middle - step, middle, middle + step
         coefficients = selected.finding.coefficients if effect.acts_on == "torque" else None
-        designs = [design.with_replaced(candidate.indices, columns({name: trial}, coefficients)) for trial in values]
+        at_each = columns.of_shapes([{name: trial} for trial in values], coefficients)
+        designs = [design.with_replaced(candidate.indices, own) for own in at_each]
         candidates = [
             replace(candidate, fitted=Variant(fitted.place, fitted.place.columns, {name: trial})) for trial in values
         ]

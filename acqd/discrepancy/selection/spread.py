@@ -17,8 +17,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t as student
 
+from acqd import student
 from acqd.arrays import Floats
 from acqd.dataset.split import log_name
 from acqd.discrepancy.regression.design_columns import Part
@@ -131,9 +131,10 @@ def variances_of_sessions(
     design: Design, regression: Regression, findings: Sequence[Finding], gate: Floats, more: More = AS_IT_IS
 ) -> list[tuple[float, float]]:
     """The same of several findings, whose columns are projected once a session."""
+    by_clock_W = _usual_by_clock(design) if any(map(_of_the_clock, findings)) else 0.0
     return [
         (
-            variance_of(design, amplitudes, information, _usual_amplitude(design, finding), gate, more),
+            variance_of(design, amplitudes, information, _usual_amplitude(design, finding, by_clock_W), gate, more),
             THRESHOLDS.few_sessions + more.reference * len(amplitudes),
         )
         for finding, (amplitudes, information) in zip(findings, _amplitudes(design, regression, findings), strict=True)
@@ -177,14 +178,21 @@ def _amplitudes(design: Design, regression: Regression, findings: Sequence[Findi
     return [(each[:, 0], each[:, 1]) for each in values]
 
 
-def _usual_amplitude(design: Design, finding: Finding) -> float:
-    """Deviation between sessions that is usual, in units of the finding: a share of the range, or of a second."""
-    if finding.candidate.id and library()[finding.candidate.id].acts_on == "clock":
-        slopes = [slope(design.columns.scenes[k]) for k, side in enumerate(design.columns.scenes.in_question) if side]
-        usual_W = clock_deviation_s(design) * float(np.sqrt(np.mean(np.concatenate(slopes) ** 2)))
-        return usual_W / max(power_rms(design, finding, acting_share=0.0), 1e-9)
-    usual_W = THRESHOLDS.usual_difference * design.columns.dynamic_range
-    return usual_W / max(power_rms(design, finding), 1e-9)
+def _usual_amplitude(design: Design, finding: Finding, by_clock_W: float) -> float:
+    """Deviation between sessions that is usual, in units of the finding: a share of the range, or that of clocks."""
+    if _of_the_clock(finding):
+        return by_clock_W / max(power_rms(design, finding, acting_share=0.0), 1e-9)
+    return THRESHOLDS.usual_difference * design.columns.dynamic_range / max(power_rms(design, finding), 1e-9)
+
+
+def _of_the_clock(finding: Finding) -> bool:
+    return bool(finding.candidate.id) and library()[finding.candidate.id].acts_on == "clock"
+
+
+def _usual_by_clock(design: Design) -> float:
+    """W RMS: power that is drawn at other times by the shift between motion and power that two alignments differ by."""
+    slopes = [slope(design.columns.scenes[k]) for k, side in enumerate(design.columns.scenes.in_question) if side]
+    return clock_deviation_s(design) * float(np.sqrt(np.mean(np.concatenate(slopes) ** 2)))
 
 
 def clock_deviation_s(design: Design) -> float:

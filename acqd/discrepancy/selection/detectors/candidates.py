@@ -20,7 +20,7 @@ from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.models.effects import library
 from acqd.models.effects.effect import Effect, effect_rows
 from acqd.models.effects.places import Shape, Variant
-from acqd.models.effects.substeps import averaged
+from acqd.models.effects.substeps import averaged, substep_times
 from acqd.models.greybox.model import GreyBox
 from acqd.residual.whitening import Whitener
 
@@ -163,19 +163,21 @@ def _described(
         if 2 * states.share > 1:  # in contact for most of the time: that is a load, not a contact
             return None
     else:
-        scenes = search.design.columns.scenes
-        rows = round(THRESHOLDS.walk_s / scenes[0].step_s)
+        columns = search.design.columns
+        step_s = columns.model.step_s
+        rows = round(THRESHOLDS.walk_s / step_s)
         if switching.walks([residuals[k] for k in search.segments], states.on, rows):
             return None
-        regular = rhythm(states.on, [averaged(scenes[k].t) for k in search.segments])
+        segments = [columns.segments[k] for k in search.segments]
+        times = [averaged(substep_times(each.start_s, len(each.P), step_s)) for each in segments]
+        regular = rhythm(states.on, times)
         kind, other = ("rhythm", "bursts") if regular.likely else ("bursts", "rhythm")
         if other in wanted:
             twin = wanted[other], min(regular.probability, 1 - regular.probability)
         if regular.likely:
             shape["period_s"] = regular.period_s
-    columns = search.columns(states)
     found = partial(
-        Detection, shape=shape, columns=columns, cost=float(states.switchings),
+        Detection, shape=shape, columns=search.columns(states), cost=float(states.switchings),
         usual=search.in_reference(residuals),
     )  # fmt: skip
     if regular is not None and regular.likely and regular.period_s < THRESHOLDS.rhythm_shortest_s:
@@ -198,7 +200,7 @@ def _swinging(design: Design, residuals: list[Floats], segments: list[int]) -> D
     return Detection(
         None, {}, columns, cost=float(len(segments)), tried=found.tried,
         usual=0.0 if before is None else 2 * before.gain * rows[0] / rows[1],
-        label=_pulsation(found.rows * design.columns.scenes[0].step_s),
+        label=_pulsation(found.rows * design.columns.model.step_s),
     )  # fmt: skip
 
 

@@ -59,9 +59,18 @@ class Payload(Effect):
 
     def at(self, scene: Scene, shape: Shape) -> Floats:
         """[N, 4] W/kg always and while the tool is on (0 without a tool signal), 2 W/(kg m) beside the axis."""
-        always = point_mass_power(scene, shape["centre_of_mass_m"])
-        tool = scene.signals.get("tool", np.zeros(len(always)))
-        return np.column_stack([always, always * tool, first_moment_power(scene, shape["centre_of_mass_m"])])
+        return self.some(scene, shape, slice(None))
+
+    def some(self, scene: Scene, shape: Shape, columns: Sequence[int] | slice) -> Floats:
+        """Without the first moments where no column beside the axis is asked for."""
+        chosen = list(range(4)[columns] if isinstance(columns, slice) else columns)
+        power = np.zeros((len(scene.q), 4))
+        if {0, 1} & set(chosen):
+            power[:, 0] = point_mass_power(scene, shape["centre_of_mass_m"])
+            power[:, 1] = power[:, 0] * scene.signals.get("tool", 0.0)
+        if {2, 3} & set(chosen):
+            power[:, 2:] = first_moment_power(scene, shape["centre_of_mass_m"])
+        return power[:, chosen]
 
     def torque(self, scene: Scene, shape: Shape, columns: Sequence[int], coefficients: Floats) -> Floats:
         """From the bodies' torques."""
