@@ -137,7 +137,7 @@ class DesignColumns:
     """That all recordings cover."""
     dynamic_range: float
     """p99 - p1 of the measured power, W."""
-    named: Callable[[Scene], Floats]
+    named: Callable[[Scene], NDArray[np.float32]]
     """[T, base and effects] W: the first columns, those of the base model and of all effects, in another scene."""
     load: CommonLoad | None = None
     """That switches on both sides."""
@@ -202,14 +202,13 @@ def design_columns(
     )  # fmt: skip
 
 
-def _named_rows(scene: Scene, *, effects: list[Effect], withheld: frozenset[str]) -> Floats:
+def _named_rows(scene: Scene, *, effects: list[Effect], withheld: frozenset[str]) -> NDArray[np.float32]:
     """[T, k] W: columns of the base model and of effects."""
-    return np.concatenate(
-        [grey_box_columns(scene, withheld), *(effect_rows(effect, scene) for effect in effects)], axis=1
-    )
+    columns = [grey_box_columns(scene, withheld), *(effect_rows(effect, scene) for effect in effects)]
+    return np.concatenate(columns, axis=1, dtype=np.float32, casting="same_kind")
 
 
-def _rows(scene: Scene, named: Floats, unnamed: list[Floats]) -> NDArray[np.float32]:
+def _rows(scene: Scene, named: NDArray[np.float32], unnamed: list[Floats]) -> NDArray[np.float32]:
     """[T, p] from columns [T, k] of rows, and from single columns [N] at substeps before the supply's lag."""
     first = named.shape[1]
     rows = np.empty((scene.rows, first + len(unnamed)), dtype=np.float32)

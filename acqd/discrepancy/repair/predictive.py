@@ -68,9 +68,10 @@ class Beside:
         for segment in subject.held_out:  # one scene after the other: together they take more than their columns
             scene = segment_scene(subject.carrier, segment)
             scene.memory.update(memory)
-            rows.append(columns.named(scene)[:, regression.indices[free]].astype(np.float32))
+            rows.append(columns.named(scene)[:, regression.indices[free]])
             for each in predictable:
                 effects[each.id, each.place.where].append(_columns(each, scene))
+            scene.moved.clear()  # torques of bodies, before the next scene
         known = {place: tuple(of_place) for place, of_place in effects.items()}
         return cls(regression, 1 - columns.in_question, owners, free, tuple(rows), known)
 
