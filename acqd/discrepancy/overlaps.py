@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import gammaincinv
 
 from acqd.arrays import Floats
 from acqd.models.segments import Segment
@@ -75,7 +75,8 @@ def _cancels(apart: Floats) -> bool:
     """Whether differences [T] W of two powers vanish in means over a second."""
     whole = len(apart) // _MEAN_ROWS * _MEAN_ROWS
     means = apart[:whole].reshape(-1, _MEAN_ROWS).mean(axis=1)
-    return _MEAN_ROWS * float((means**2).sum()) <= float(chi2.ppf(_BY_CHANCE, len(means)) * (apart**2).mean())
+    least = 2 * float(gammaincinv(len(means) / 2, _BY_CHANCE))  # of chi-squared, with as many degrees of freedom
+    return _MEAN_ROWS * float((means**2).sum()) <= least * float((apart**2).mean())
 
 
 def _part(segment: Segment, first: int, last: int, step_s: float) -> Segment:
