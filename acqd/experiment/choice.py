@@ -1,11 +1,13 @@
 """The choice of pieces: the piece that is worth most per second, until the time is up, then exchanges that improve.
 
-Information of pieces adds, as that of independent recordings does, so that a program is a set of pieces with repeats.
-Greedy choice with exchanges is the usual way to exact designs (Fedorov 1972; Mitchell 1974).
+Information of different pieces adds, as that of independent recordings does. A repeat brings other noise, and the same
+errors of the model: what the learning rate leaves out. Greedy choice with exchanges is the usual way to exact designs
+(Fedorov 1972; Mitchell 1974).
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
@@ -19,18 +21,34 @@ _ALL_AGAIN, _NEARLY_BEST = 4, 16
 and in between those that were best, unless none of these adds anything."""
 
 
+def after(so_far: Moments, pieces: Mapping[str, Moments], program: Sequence[str], learning_rate: float) -> Moments:
+    """What the recordings so far and a program say."""
+    repeats = Counter(program)
+    return together([so_far, *(pieces[name].times(_told(count, learning_rate)) for name, count in repeats.items())])
+
+
 def chosen(
-    worth: Worth, so_far: Moments, pieces: Mapping[str, Moments], seconds: Mapping[str, float], total_s: float
-) -> list[str]:
-    """Names of pieces of at most `total_s` together, in the order of their choice; a piece may be repeated."""
+    worth: Worth, so_far: Moments, pieces: Mapping[str, Moments], seconds: Mapping[str, float], total_s: float,
+    learning_rate: float,
+) -> list[str]:  # fmt: skip
+    """Names of pieces of at most `total_s` together, in the order of their choice; a piece may be repeated.
+
+    `learning_rate`: share of the information of rows that can be believed.
+    """
+
+    def with_one_more(program: Sequence[str], names: Sequence[str]) -> dict[str, float]:
+        state, repeats = after(so_far, pieces, program, learning_rate), Counter(program)
+        more = {name: _told(repeats[name] + 1, learning_rate) - _told(repeats[name], learning_rate) for name in names}
+        return {name: worth(together([state, pieces[name].times(more[name])])) for name in names}
+
     program: list[str] = []
     gains: dict[str, float] = {}
-    state, left = so_far, total_s
+    left = total_s
     while fitting := [name for name in pieces if seconds[name] <= left]:
-        now = worth(state)
+        now = worth(after(so_far, pieces, program, learning_rate))
         shortlist = fitting if len(program) % _ALL_AGAIN == 0 else _best_of(gains, fitting)
         for looked_at in (shortlist, fitting):
-            found = {name: (worth(together([state, pieces[name]])) - now) / seconds[name] for name in looked_at}
+            found = {name: (own - now) / seconds[name] for name, own in with_one_more(program, looked_at).items()}
             gains |= found
             best = max(found, key=lambda name: found[name])
             if found[best] > 0 or len(looked_at) == len(fitting):
@@ -38,30 +56,27 @@ def chosen(
         if found[best] <= 0:
             break
         program.append(best)
-        state, left = together([state, pieces[best]]), left - seconds[best]
+        left -= seconds[best]
     nearly = list(dict.fromkeys([*program, *_best_of(gains, list(pieces))]))
-    for place in range(len(program)):
-        program[place] = _exchanged(
-            worth, so_far, {name: pieces[name] for name in nearly}, seconds, total_s, program, place
-        )
+    for place, now_there in enumerate(program):  # exchanges
+        others = [name for k, name in enumerate(program) if k != place]
+        left = total_s - sum(seconds[name] for name in others)
+        found = with_one_more(others, [name for name in nearly if seconds[name] <= left])
+        program[place] = max(found, key=lambda name: (found[name], name == now_there))
     return program
+
+
+def _told(repeats: int, learning_rate: float) -> float:
+    """What repeats of a piece tell, in pieces: more of them average noise, but not the errors of the model.
+
+    Of the variance of a size by one piece, noise is the share `learning_rate`, and the model's errors are the rest.
+    """
+    return repeats / (learning_rate + repeats * (1 - learning_rate)) if repeats else 0.0
 
 
 def _best_of(gains: Mapping[str, float], names: Sequence[str]) -> list[str]:
     """The pieces that gained most per second when they were last looked at."""
     return sorted(names, key=lambda name: -gains.get(name, 0.0))[:_NEARLY_BEST]
-
-
-def _exchanged(
-    worth: Worth, so_far: Moments, pieces: Mapping[str, Moments], seconds: Mapping[str, float], total_s: float,
-    program: Sequence[str], place: int,
-) -> str:  # fmt: skip
-    """The best piece at a place of a program, all others kept."""
-    others = [name for k, name in enumerate(program) if k != place]
-    left = total_s - sum(seconds[name] for name in others)
-    rest = together([so_far, *(pieces[name] for name in others)])
-    fitting = [name for name in pieces if seconds[name] <= left]
-    return max(fitting, key=lambda name: (worth(together([rest, pieces[name]])), name == program[place]))
 
 
 def filled(names: Sequence[str], seconds: Mapping[str, float], total_s: float) -> list[str]:

@@ -10,8 +10,10 @@ of its size, and a rival explains the share rho^2 of it (`ability.pairs`). The c
 - from a law without a name, unless the law is ahead by that margin: names are preferred (ADR 26).
 
 The closest rival decides: the distance to it, in standard deviations, is the criterion of T-optimal designs (Atkinson
-and Fedorov 1975). A design is worth the expected log probability of the right name, over the causes by what they are
-believed and over their sizes by their posterior, so that a large effect does not hide a small one (ADR 49).
+and Fedorov 1975). What a program says of the right name is the probability of that distance, over the causes by what they
+are believed and over their sizes by their posterior. A program is chosen by the same sum with a heavier tail (Student's
+t with two degrees of freedom): the distance of a design is an estimate, so that a lead of ten deviations is worth more
+than one of three, and a cause that no motion can tell does not decide which program the others get (ADR 106).
 """
 
 from __future__ import annotations
@@ -36,9 +38,6 @@ from acqd.discrepancy.thresholds.chance import by_chance
 
 _NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(7)
 """Of sizes, for a normal posterior."""
-_HOPELESS, _SLOPE = -8.0, 0.01
-"""Standard deviations of what no program of this length can tell: from there on the worth falls slowly, so that the
-other causes decide which program is best."""
 _NEVER = -1e3
 """Of columns that never act."""
 
@@ -107,17 +106,14 @@ class Contest:
             precision, learning_rate, kinds,
         )  # fmt: skip
 
-    def log_probabilities(self, moments: Moments) -> Floats:
-        """[causes] expected log probability that the loop names a cause where that is what has changed."""
-        return np.array([float(weights @ _softened(z)) for z, weights in self._distances(moments)])
-
     def probabilities(self, moments: Moments) -> Floats:
         """[causes] probability that the loop names a cause where that is what has changed."""
         return np.array([float(weights @ np.exp(log_ndtr(z))) for z, weights in self._distances(moments)])
 
     def score(self, moments: Moments) -> float:
-        """What a design is worth: the expected log probability of the right name."""
-        return float(np.array([cause.believed for cause in self.causes]) @ self.log_probabilities(moments))
+        """What a design is worth: the expected probability of the right name by a distance that is an estimate."""
+        tailed = np.array([float(weights @ _of_estimate(z)) for z, weights in self._distances(moments)])
+        return float(np.array([cause.believed for cause in self.causes]) @ tailed)
 
     def closest(self, moments: Moments) -> list[str]:
         """Per cause what is said most easily in its place; "" where nothing explains any of it."""
@@ -271,10 +267,9 @@ def _improbable(chance: float, freedom: float) -> float:
     return float(student.isf(np.exp(-chance / 2) / 2, freedom))
 
 
-def _softened(distance: Floats) -> Floats:
-    """Log probability at a distance; beyond what is hopeless a line, so that pieces that help together are chosen."""
-    below = np.minimum(distance - _HOPELESS, 0.0)
-    return np.asarray(log_ndtr(np.maximum(distance, _HOPELESS)) + _SLOPE * below)
+def _of_estimate(distance: Floats) -> Floats:
+    """Probability of a distance by Student's t with two degrees of freedom, in closed form."""
+    return np.asarray((1 + distance / np.sqrt(2 + distance**2)) / 2)
 
 
 def _name(candidate: Candidate) -> str:

@@ -13,9 +13,9 @@ from acqd.arrays import Floats
 from acqd.discrepancy.regression.least_squares import Moments
 from acqd.discrepancy.regression.setup import Setup
 from acqd.errors import UserError
-from acqd.experiment.choice import chosen, d_optimal, filled
+from acqd.experiment.choice import Worth, after, chosen, d_optimal, filled
 from acqd.experiment.compared import require_known
-from acqd.experiment.contest import Cause, Contest, together
+from acqd.experiment.contest import Cause, Contest
 from acqd.experiment.pieces import Piece, motion_of, pieces_of
 from acqd.experiment.planned import planned
 from acqd.experiment.question import Question, opened, question_of, recorded
@@ -89,11 +89,6 @@ class Designed:
         return self.after.pieces
 
     @property
-    def is_random(self) -> bool:
-        """Whether the program is random motion, because no other one promises more."""
-        return all(piece.random for piece in self.pieces)
-
-    @property
     def worked_min(self) -> float:
         """Minutes of work before the session: 0 for cold gears."""
         return 0.0 if self.cold else WARM_S / 60
@@ -116,11 +111,7 @@ class Designed:
 
 
 def next_motion(report: Path, asked: Asked, progress: Progress) -> Designed:
-    """Design the recording that decides. Raises UserError, InputError.
-
-    Pieces of random motion are preferred where they promise as much: the reference has motion of that kind, and turns
-    of single joints also show what the model gets wrong about them.
-    """
+    """Design the recording that decides. Raises UserError, InputError."""
     require_known(asked.causes)
     question = question_of(report, asked.causes, progress)
     subject = question.subject
@@ -148,17 +139,16 @@ def next_motion(report: Path, asked: Asked, progress: Progress) -> Designed:
     seconds = {name: pieces[name].seconds for name in best.moments}
     total_s = sum(seconds[name] for name in best.program)
     random = filled([name for name, piece in pieces.items() if piece.random], seconds, total_s)
-    names = best.of_random_motion() or best.program
-    steps = tuple(step for name in names for step in pieces[name].steps)
+    steps = tuple(step for name in best.program for step in pieces[name].steps)
     motion = motion_of(space, steps)
     broken = space.broken_limit(motion)
     if broken is not None:
         raise UserError(f"the program exceeds a limit of {subject.robot.name} ({broken}): choose another --seed")
     progress("comparing with random motion", 0.9)
-    parameters = chosen(d_optimal(best.contest), best.so_far, best.moments, seconds, total_s)
+    parameters = best.chosen_by(d_optimal(best.contest), total_s)
     return Designed(
         question, asked, space, best.cold, best.contest.causes, steps, motion,
-        *(best.outlook(program) for program in ([], names, random, parameters)),
+        *(best.outlook(program) for program in ([], best.program, random, parameters)),
     )  # fmt: skip
 
 
@@ -179,14 +169,10 @@ class _Session:
         """Of the program."""
         return self.contest.score(self._after(self.program))
 
-    def of_random_motion(self) -> list[str]:
-        """The best program of random motion as long as the program; empty where that is worth less."""
-        like = {name: moments for name, moments in self.moments.items() if self.pieces[name].random}
-        seconds = {name: piece.seconds for name, piece in self.pieces.items()}
-        total_s = sum(seconds[name] for name in self.program)
-        program = chosen(self.contest.score, self.so_far, like, seconds, total_s)
-        ours, theirs = (self.outlook(each).right(self.contest.causes) for each in (self.program, program))
-        return program if ours - theirs < _WORTH_IT else []
+    def chosen_by(self, worth: Worth, total_s: float) -> list[str]:
+        """Names of the pieces of a program that is worth most."""
+        seconds = {name: self.pieces[name].seconds for name in self.moments}
+        return chosen(worth, self.so_far, self.moments, seconds, total_s, self.contest.learning_rate)
 
     def outlook(self, program: list[str]) -> Outlook:
         """What the recordings so far and a program promise."""
@@ -195,7 +181,7 @@ class _Session:
         return Outlook(contest.probabilities(moments), contest.closest(moments), pieces)
 
     def _after(self, program: list[str]) -> Moments:
-        return together([self.so_far, *(self.moments[name] for name in program)])
+        return after(self.so_far, self.moments, program, self.contest.learning_rate)
 
 
 def _session(
@@ -210,10 +196,9 @@ def _session(
     contest = replace(open_.contest, another=True)
     so_far = open_.moments_of(open_.so_far)
     moments = {name: open_.moments_of(weights) for name, weights in open_.pieces.items()}
-    seconds = {name: pieces[name].seconds for name in moments}
     progress("choosing pieces of motion", 0.5)
-    program = chosen(contest.score, so_far, moments, seconds, 60 * asked.minutes)
-    return _Session(cold, contest, so_far, pieces, moments, program)
+    session = _Session(cold, contest, so_far, pieces, moments, [])
+    return replace(session, program=session.chosen_by(contest.score, 60 * asked.minutes))
 
 
 def as_json(designed: Designed) -> dict[str, Any]:

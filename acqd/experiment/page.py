@@ -42,11 +42,6 @@ def write_page(path: Path, designed: Designed) -> None:
         "asks for more, so that they are upper bounds."
     )
     page.table(*table(designed))
-    if designed.is_random:
-        page.text(
-            "Pieces of random motion promise as much as turns of single joints, which would also show what the model "
-            "gets wrong about them; the reference has random motion."
-        )
     page.heading("Motion")
     page.text(
         f"{designed.motion.seconds:.0f} s, from and to one position. The session begins with "

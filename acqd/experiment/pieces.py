@@ -8,7 +8,7 @@ of all.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -67,10 +67,7 @@ def _piece(space: Space, name: str, steps: list[Step], longest_s: float) -> Piec
     if least_s(space, whole) > longest_s:  # before hours of slow motion are executed at 1 kHz
         return None
     motion = motion_of(space, whole)
-    if motion.seconds > longest_s:
-        return None
-    stopping = tuple(replace(step, blend_after=1.0) if isinstance(step, Move) else step for step in whole)
-    if space.broken_limit(motion) or space.broken_limit(motion_of(space, stopping)):  # scripts do not blend
+    if motion.seconds > longest_s or space.broken_limit(motion):
         return None
     return Piece(name, name.startswith("random"), whole, motion.seconds)
 
@@ -121,38 +118,37 @@ def _turns(space: Space, posture: Floats, axis: int, share: float, reach: float)
 
 
 def _random(space: Space, random: np.random.Generator) -> list[Step]:
-    """Measured positions in random order, with random speed and blending."""
+    """Measured positions in random order, at random speeds."""
     chosen = space.postures[random.integers(len(space.postures), size=_RANDOM_MOVES)]
     starts = [space.home, *chosen[:-1]]
-    return [
-        _to(space, start, end, float(random.uniform(0.2, 1.0)), float(random.uniform(0.5, 1.0)))
-        for start, end in zip(starts, chosen, strict=True)
-    ]
+    return [_to(space, start, end, float(random.uniform(0.2, 1.0))) for start, end in zip(starts, chosen, strict=True)]
 
 
-def _to(space: Space, start: Floats, end: Floats, share: float = 1.0, blend_after: float = 1.0) -> Move:
-    return Move(end, *_rates(space, end - start, share), blend_after=blend_after)
+def _to(space: Space, start: Floats, end: Floats, share: float = 1.0) -> Move:
+    return Move(end, *_rates(space, end - start, share))
 
 
 def _rates(space: Space, distance: Floats, share: float = 1.0) -> tuple[float, float]:
-    """Relative speed and acceleration that keep the measured ones of all joints; blends add two accelerations."""
-    robot = space.arm.description
-    moves = np.abs(distance) > 1e-9
+    """Relative speed and acceleration of the fastest synchronous motion that keeps those of all joints."""
+    robot, moves = space.arm.description, np.abs(distance) > 1e-9
     if not moves.any():
         return share, share
-    speed = share * float((space.speed / robot.speed)[moves].min())
-    return speed, float((space.acceleration / robot.acceleration)[moves].min()) / 2
+    length = np.abs(distance[moves])
+    return (
+        share * float((space.speed[moves] / length).min() / (robot.speed[moves] / length).min()),
+        float((space.acceleration[moves] / length).min() / (robot.acceleration[moves] / length).min()),
+    )
 
 
 def least_s(space: Space, steps: tuple[Step, ...]) -> float:
-    """Time [s] that no execution of the steps from home falls short of: half of every move, because blends overlap."""
+    """Time [s] that no execution of the steps from home falls short of."""
     position, seconds = space.home, 0.0
     for step in steps:
         if isinstance(step, Wait):
             seconds += step.seconds
         elif isinstance(step, Move):
             speed = step.relative_speed * space.arm.description.speed
-            seconds += float((np.abs(step.target - position) / speed).max()) / 2
+            seconds += float((np.abs(step.target - position) / speed).max())
             position = step.target
     return seconds
 

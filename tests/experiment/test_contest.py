@@ -7,7 +7,7 @@ import pytest
 
 from acqd.discrepancy.regression.design_columns import Candidate
 from acqd.discrepancy.regression.least_squares import Moments
-from acqd.experiment.choice import chosen, d_optimal, filled
+from acqd.experiment.choice import after, chosen, d_optimal, filled
 from acqd.experiment.contest import Cause, Contest, together
 
 CAUSE = Candidate("payload", "flange", np.array([0]), key="payload 0")
@@ -89,7 +89,7 @@ def test_pieces_beside_the_shortlist_are_looked_at_before_the_choice_ends():
     pieces = {f"alike {k}": of(5.0, 0.0) for k in range(20)} | {"other": of(0.0, 1.0)}
     program = chosen(
         lambda known: np.minimum(np.diag(known.normal), [5.0, 1.0]).sum(), of(0.0, 0.0), pieces,
-        dict.fromkeys(pieces, 1.0), 10.0,
+        dict.fromkeys(pieces, 1.0), 10.0, 1.0,
     )  # fmt: skip
     assert sorted(program) == ["alike 0", "other"]
 
@@ -104,13 +104,13 @@ def test_the_program_prefers_motion_in_which_the_causes_differ():
     compared = contest()
     pieces = {"alike": moments(20, 0.999, 2), "apart": moments(20, 0.2, 2), "idle": moments(1e-9, 0.0, 2)}
     seconds = {"alike": 10.0, "apart": 10.0, "idle": 10.0}
-    program = chosen(compared.score, moments(5, 0.99, 2), pieces, seconds, 35.0)
+    program = chosen(compared.score, moments(5, 0.99, 2), pieces, seconds, 35.0, 1.0)
     assert program == ["apart"] * 3
 
 
 def test_a_program_keeps_its_time_and_uses_short_pieces_for_the_rest():
     pieces = {"long": moments(40, 0.2, 2), "short": moments(0.5, 0.2, 2)}
-    program = chosen(contest().score, moments(9, 0.5, 2), pieces, {"long": 30.0, "short": 5.0}, 41.0)
+    program = chosen(contest().score, moments(9, 0.5, 2), pieces, {"long": 30.0, "short": 5.0}, 41.0, 1.0)
     assert sorted(program) == ["long", "short", "short"]
     assert filled(["long", "short"], {"long": 30.0, "short": 5.0}, 41.0) == ["long", "short", "short"]
 
@@ -120,8 +120,44 @@ def test_identification_asks_for_other_motion_than_discrimination():
     excites = Moments(5000 * BASE, np.zeros((1, 2)), moments(1, 0.999, 2).squares)
     pieces = {"excites": excites, "apart": moments(20, 0.2, 2)}
     seconds = {"excites": 10.0, "apart": 10.0}
-    assert chosen(d_optimal(compared), moments(1, 0.9, 2), pieces, seconds, 10.0) == ["excites"]
-    assert chosen(compared.score, moments(1, 0.9, 2), pieces, seconds, 10.0) == ["apart"]
+    assert chosen(d_optimal(compared), moments(1, 0.9, 2), pieces, seconds, 10.0, 1.0) == ["excites"]
+    assert chosen(compared.score, moments(1, 0.9, 2), pieces, seconds, 10.0, 1.0) == ["apart"]
+
+
+@pytest.mark.parametrize(("learning_rate", "pieces_told"), [(1.0, 4.0), (0.5, 1.6)])
+def test_a_repeated_piece_repeats_the_errors_of_the_model(learning_rate, pieces_told):
+    nothing, piece = moments(0, 0.5, 2), moments(10, 0.5, 2)
+    again = after(nothing, {"turn": piece}, ["turn"] * 4, learning_rate)
+    assert np.allclose(again.squares, pieces_told * piece.squares)
+    apart = after(nothing, {str(k): piece for k in range(4)}, list("0123"), learning_rate)
+    assert np.allclose(apart.normal, 4 * piece.normal)
+
+
+def test_a_program_has_different_pieces_where_the_model_is_wrong():
+    pieces = {name: moments(20, 0.2, 2) for name in ("turn", "other turn")} | {"idle": moments(0.1, 0.2, 2)}
+    seconds = dict.fromkeys(pieces, 10.0)
+    program = chosen(contest(learning_rate=0.5).score, moments(5, 0.99, 2), pieces, seconds, 40.0, 0.5)
+    assert sorted(program) == ["other turn", "other turn", "turn", "turn"]
+
+
+def test_a_cause_that_no_motion_tells_does_not_choose_the_motion_for_the_others():
+    """The rival explains all but a trace of the second cause in any motion, most of it in the slow one."""
+    hidden = replace(cause(), candidate=replace(CAUSE, indices=np.array([2]), id="friction", key="friction"))
+    twin = replace(RIVAL, indices=np.array([3]), id="twin", key="twin")
+    both = Contest.of(
+        tuple(replace(each, believed=0.5) for each in (cause(), hidden)), (RIVAL, twin), [np.full(1, 10.0)] * 2,
+        np.array([1e-6]), 1.0, 20,
+    )  # fmt: skip
+
+    def piece(rows, of_hidden, alike):
+        squares = np.zeros((4, 4))
+        squares[:2, :2] = rows * np.array([[1.0, 0.5], [0.5, 1.0]])
+        squares[2:, 2:] = of_hidden * np.array([[1.0, alike], [alike, 1.0]])
+        return Moments(50 * np.eye(1), np.zeros((1, 4)), squares)
+
+    so_far, pieces = piece(20, 4000, 0.9999), {"fast": piece(20, 1, 0.9999), "slow": piece(0.1, 4000, 0.995)}
+    assert both.probabilities(so_far)[1] < 1e-6
+    assert chosen(both.score, so_far, pieces, dict.fromkeys(pieces, 10.0), 10.0, 1.0) == ["fast"]
 
 
 def test_moments_of_independent_blocks_add():

@@ -73,6 +73,17 @@ def test_a_sequence_of_pieces_keeps_all_limits(space, pieces):
     assert (np.abs(motion.qd) <= space.speed * (1 + 1e-6)).all()
 
 
+def test_the_fastest_pieces_reach_a_limit_of_some_joint(space, pieces):
+    """A synchronous motion is as fast as the joint with the least room allows, whatever the other joints could do."""
+    reached = []
+    for piece in pieces:
+        motion = motion_of(space, piece.steps)
+        shares = np.abs(motion.qd) / space.speed, np.abs(motion.qdd) / space.acceleration
+        reached.append([float(share.max()) for share in shares])
+    assert (np.max(reached, axis=0) > 0.999).all()
+    assert np.min([both[1] for both in reached if both[0] > 0.0]) > 0.9
+
+
 def test_a_joint_that_has_never_moved_stays_at_rest(arm, segments):
     still = [replace(segment, q=np.where(np.arange(6) == 5, 0.3 * k, segment.q)) for k, segment in enumerate(segments)]
     space = space_of(arm, still)

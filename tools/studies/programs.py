@@ -42,6 +42,9 @@ STEP_S = 0.04
 _CHECK_ROWS = 10
 """Rows of 1 ms between two configurations whose clearance is measured: half of what the designer checks."""
 _SLACK = 1 + 1e-6
+_APART = 8
+"""Rows of 1 ms between positions whose second difference is the mean acceleration between them: over less, rounding of
+positions shows."""
 _RECORDINGS = 3
 _SITUATIONS = 5
 """Per robot."""
@@ -116,7 +119,8 @@ class Judge:
         robot, space = self._space.arm.description, self._space
         q, step_s = motion.q, 1e-3
         speed = np.abs(np.diff(q, axis=0)).max(axis=0) / step_s
-        acceleration = np.abs(np.diff(q, 2, axis=0)).max(axis=0) / step_s**2
+        bend = q[2 * _APART :] - 2 * q[_APART:-_APART] + q[: -2 * _APART]
+        acceleration = np.abs(bend).max(axis=0) / (_APART * step_s) ** 2
         rows = slice(None, None, 2 * _CHECK_ROWS)
         torque = mujoco_oracle.inverse_dynamics(self._model, q[rows], motion.qd[rows], motion.qdd[rows])
         kept = {

@@ -64,6 +64,10 @@ class Moments:
     squares: Floats
     """[c, c]."""
 
+    def times(self, weight: float) -> Moments:
+        """Of blocks that count so often."""
+        return Moments(weight * self.normal, weight * self.cross, weight * self.squares)
+
 
 @dataclass(slots=True)
 class _Cross:
