@@ -10,10 +10,10 @@ of its size, and a rival explains the share rho^2 of it (`ability.pairs`). The c
 - from a law without a name, unless the law is ahead by that margin: names are preferred (ADR 26).
 
 The closest rival decides: the distance to it, in standard deviations, is the criterion of T-optimal designs (Atkinson
-and Fedorov 1975). What a program says of the right name is the probability of that distance, over the causes by what they
-are believed and over their sizes by their posterior. A program is chosen by the same sum with a heavier tail (Student's
-t with two degrees of freedom): the distance of a design is an estimate, so that a lead of ten deviations is worth more
-than one of three, and a cause that no motion can tell does not decide which program the others get (ADR 106).
+and Fedorov 1975). The right name has the probability of that distance, over the causes by what they are believed and
+over their sizes by their posterior (ADR 49). A program is chosen by the same sum with a heavier tail, Student's t with
+two degrees of freedom: the distance of a design is an estimate, so that a lead of ten deviations is worth more than one
+of three, and a cause that no motion can tell does not decide which program the others get (ADR 106).
 """
 
 from __future__ import annotations

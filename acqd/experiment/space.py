@@ -16,13 +16,14 @@ from acqd.errors import UserError
 from acqd.models.segments import Segment
 from acqd.motion.controller import Motion
 from acqd.motion.limits import MotionLimits, within
+from acqd.motion.profile import SMOOTHING_S
 from acqd.residual.thresholds import NOISE
 from acqd.robot.arm import Arm
 from acqd.robot.collision import CollisionChecker
 from acqd.robot.scene import Scene
 
 _USUAL = 99.5
-"""Percentile of measured speeds and accelerations that counts as their limit: single rows may be wrong."""
+"""Percentile of measured speeds, accelerations and jerks that counts as their limit: single rows may be wrong."""
 _POSTURES = 400
 """Measured positions that are drawn from."""
 
@@ -40,7 +41,7 @@ class Space:
     speed: Floats
     """[axes] rad/s."""
     acceleration: Floats
-    """[axes] rad/s^2."""
+    """[axes] rad/s^2: as measured, and reached without more than the measured jerk."""
     workspace: tuple[float, ...] | None
     """x, y, z from, x, y, z to, m: box that the flange stays in; None: anywhere."""
 
@@ -56,9 +57,10 @@ class Space:
                 f"{robot.name}: the description has no capsules, so that collisions cannot be excluded; "
                 "add capsules to the links (docs/robots.md)"
             )
-        rates = [segment.motion(step_s)[1:] for segment in segments]
-        speed, acceleration = (
-            np.percentile(np.abs(np.concatenate([rate[k] for rate in rates])), _USUAL, axis=0) for k in (0, 1)
+        motions = [segment.motion(step_s) for segment in segments]
+        rates = [(qd, qdd, np.diff(qdd, axis=0) / step_s) for _, qd, qdd in motions]
+        speed, acceleration, jerk = (
+            np.percentile(np.abs(np.concatenate([rate[k] for rate in rates])), _USUAL, axis=0) for k in range(3)
         )
         q = np.concatenate([segment.q for segment in segments])
         q = q[np.linspace(0, len(q) - 1, min(_POSTURES, len(q))).astype(int)]
@@ -82,7 +84,7 @@ class Space:
         free[:, still] = home[still]
         return cls(
             arm, checker, free, home, np.minimum(share * robot.speed, speed),
-            np.minimum(robot.acceleration, acceleration), workspace,
+            np.minimum(robot.acceleration, np.minimum(acceleration, jerk * SMOOTHING_S)), workspace,
         )  # fmt: skip
 
     @property
