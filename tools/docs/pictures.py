@@ -72,8 +72,8 @@ def stories(circles: Path) -> dict[str, list[View]]:
     for asked in sorted(circles.glob("*/investigate.json")):
         circle = asked.parent
         pages = (
-            (circle / "after.ds.loop" / "report.html", 430), (circle / "after.ds.loop.next" / "next.html", 1010),
-            (circle / "both" / "report.html", 430),
+            (circle / "after.ds.loop" / "report.html", 450), (circle / "after.ds.loop.next" / "next.html", 985),
+            (circle / "both" / "report.html", 450),
         )  # fmt: skip
         shown = [View("", path.resolve().as_uri(), height) for path, height in pages if path.exists()]
         found[f"story-{circle.name}"] = shown
