@@ -163,4 +163,5 @@ def _template() -> Any:
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, keep_trailing_newline=True, finalize=_with_unbroken_units
     )
+    environment.filters["unbroken"] = unbroken
     return environment.from_string(asset("page.html"))

@@ -4,6 +4,7 @@ import inspect
 import struct
 from html.parser import HTMLParser
 
+import pytest
 from matplotlib.figure import Figure
 
 from acqd.report import KeyFigure, Page, Verdict
@@ -73,6 +74,14 @@ def test_no_line_ends_between_a_number_and_its_unit():
     ):
         assert shown in text
     assert "--first 3 m" in text  # a command is copied
+
+
+@pytest.mark.parametrize(("value", "kind"), [("98 %", "short"), ("4.77 -> 1.34 W", ""), ("17.7 Nm s/rad", "long")])
+def test_a_value_that_no_line_may_part_is_small_enough_for_its_column(value, kind):
+    page = Page("Units", simulated=False)
+    page.verdict(Verdict("found", "", "", [KeyFigure("size", value)]))
+    shown = whole(page).replace("\u00a0", " ").partition("</b>")[0].rpartition("<b")[2]
+    assert shown == (f' class="{kind}">' if kind else ">") + value.replace(">", "&gt;")
 
 
 def test_a_heading_without_content_is_left_out_and_three_sections_have_contents():

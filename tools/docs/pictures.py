@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import argparse
 import io
+import math
 import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -25,7 +26,7 @@ from acqd.errors import UserError
 
 PICTURES = Path(__file__).parents[2] / "docs" / "pictures"
 _PROGRAMS = ("chromium", "chromium-browser", "google-chrome")
-_WIDTH, _COLOURS = 1000, 192
+_WIDTH, _COLOURS, _MARGIN = 1000, 192, 16
 _SETTLE_MS = 1500
 """A live page shows rows by then."""
 _LIVE_MS = 45_000
@@ -43,6 +44,8 @@ class View:
     wait_ms: int = _SETTLE_MS
     at: str = ""
     """Selector of what is shown; "" for the top of the page."""
+    until: str = ""
+    """Selector of what is shown last, in the place of `height`."""
 
 
 def views(trial: Path, live: int | None) -> list[View]:
@@ -72,10 +75,10 @@ def stories(circles: Path) -> dict[str, list[View]]:
     for asked in sorted(circles.glob("*/investigate.json")):
         circle = asked.parent
         pages = (
-            (circle / "after.ds.loop" / "report.html", 450), (circle / "after.ds.loop.next" / "next.html", 985),
-            (circle / "both" / "report.html", 450),
+            (circle / "after.ds.loop" / "report.html", ".tile dl"),
+            (circle / "after.ds.loop.next" / "next.html", "table"), (circle / "both" / "report.html", ".tile dl"),
         )  # fmt: skip
-        shown = [View("", path.resolve().as_uri(), height) for path, height in pages if path.exists()]
+        shown = [View("", path.resolve().as_uri(), 600, until=last) for path, last in pages if path.exists()]
         found[f"story-{circle.name}"] = shown
     return found
 
@@ -119,6 +122,9 @@ def _shot(browser: Any, view: View) -> bytes:
     """PNG of a page, from the top or from what is to be shown."""
     page = browser.new_page(viewport={"width": _WIDTH, "height": view.height}, color_scheme="light")
     page.goto(view.address)
+    if view.until:
+        bottom = page.evaluate("(last) => document.querySelector(last).getBoundingClientRect().bottom", view.until)
+        page.set_viewport_size({"width": _WIDTH, "height": math.ceil(bottom) + _MARGIN})
     if view.at:
         page.evaluate("(at) => document.querySelector(at).scrollIntoView()", view.at)
     page.wait_for_timeout(view.wait_ms)

@@ -20,7 +20,6 @@ from acqd.cli.options import Json
 from acqd.cli.terminal import terminal
 from acqd.errors import UserError
 from acqd.extras import LOOP, MOTION, require
-from acqd.report.digits import percent
 
 _SHORT = ("--limited", "4", "--all", "0")
 """Recordings after the change: two minutes with the tool down leave small changes open."""
@@ -43,6 +42,7 @@ def investigate(
     Example: acqd lab investigate --out circle --undeclared payload:mass_kg=0.35
     """
     require("acqd lab investigate", (*LOOP, *MOTION), "lab,loop")
+    from acqd.experiment.page import share
     from acqd.lab.effects import check_axes, parse_effect
     from acqd.robot.description import load_description
 
@@ -63,8 +63,8 @@ def investigate(
         return
     promised = found["designed"]["right_name"]
     screen.print(
-        f"designed motion: right name {percent(promised['now'])} now, {percent(promised['designed'])} after it, "
-        f"{percent(promised['random'])} after random motion"
+        f"designed motion: right name {share(promised['now'])} now, {share(promised['designed'])} after it, "
+        f"{share(promised['random'])} after random motion"
     )
     if found["both"] is None:
         screen.print("no motion of this length decides: a second session is not recorded")
