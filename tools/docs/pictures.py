@@ -26,7 +26,7 @@ from acqd.errors import UserError
 
 PICTURES = Path(__file__).parents[2] / "docs" / "pictures"
 _PROGRAMS = ("chromium", "chromium-browser", "google-chrome")
-_WIDTH, _COLOURS, _MARGIN = 1000, 192, 16
+_WIDTH, _COLOURS, _MARGIN = 1000, 128, 16
 _SETTLE_MS = 1500
 """A live page shows rows by then."""
 _LIVE_MS = 45_000
