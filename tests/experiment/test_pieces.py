@@ -123,7 +123,7 @@ def test_a_broken_limit_is_named(arm, segments, space, what):
         far[1:3] = -0.1, 2.75  # the forearm folds into the upper arm
     else:
         far[0] += 0.8
-    speed, acceleration = {"speed": (1.0, 0.3), "acceleration": (0.3, 1.0)}.get(what, (0.05, 0.05))
+    speed, acceleration = {"speed": (1.0, 0.3), "acceleration": (0.3, 1.0)}.get(what, (0.05, 0.01))
     if what == "workspace":
         at = forward_kinematics(arm, space.home[None])[0][0]
         space = space_of(arm, segments, workspace=(*(at - 0.05), *(at + 0.05)))
