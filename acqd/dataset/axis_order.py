@@ -92,12 +92,13 @@ def judge_order(robot: RobotDescription, samples: Sequence[OrderSample], *, gues
     best = max(ahead, key=lambda order: ahead[order], default=logged)
     least = GAIN_BY_POWER if samples[0].seen.ndim == 1 else _GAIN
     if ahead and ahead[best] > least and fit.explained(best) > EXPLAINED:
-        return OrderJudgement(_climbed(fit, best))
-    return OrderJudgement(None, frozenset(order for order, (_, errors) in gains.items() if errors > -CLEARLY))
+        return OrderJudgement(_climbed(fit, robot, best))
+    unsure = (order for order, (_, errors) in gains.items() if errors > -CLEARLY or not _has_witness(robot, order))
+    return OrderJudgement(None, frozenset(unsure))
 
 
 def _has_witness(robot: RobotDescription, order: Order) -> bool:
-    """Whether the body of a joint that the order moves is described: guessed bodies contradict no columns."""
+    """Whether the body of a joint that the order moves is described: guessed bodies neither contradict nor confirm."""
     return any(axis != column and not robot.joint[axis].is_guessed("link.mass") for axis, column in enumerate(order))
 
 
@@ -110,10 +111,12 @@ def best_of(orders: int, blocks: int) -> float:
     return float(student.isf(_BY_CHANCE / orders, blocks - 1))
 
 
-def _climbed(fit: Fit, order: Order) -> Order:
+def _climbed(fit: Fit, robot: RobotDescription, order: Order) -> Order:
     """The order from which no further exchange gains clearly: several pairs may be exchanged."""
+    logged = tuple(range(robot.axes))
+    pairs = [pair for pair in itertools.combinations(logged, 2) if _has_witness(robot, _exchanged(logged, *pair))]
     for _ in range(_MOST_STEPS):
-        after = [_exchanged(order, *pair) for pair in itertools.combinations(range(len(order)), 2)]
+        after = [_exchanged(order, *pair) for pair in pairs]
         gains = [fit.gain(order, each) for each in after]
         best = int(np.argmax([gain if errors > CLEARLY else -np.inf for gain, errors in gains]))
         if gains[best][0] <= 0 or gains[best][1] <= CLEARLY:

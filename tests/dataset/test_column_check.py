@@ -126,12 +126,15 @@ def test_columns_in_another_order_are_refused_with_the_order_by_power(ur10e, ord
 
 
 @needs_robot_logs
-def test_guessed_bodies_contradict_no_columns(ur10e):
+def test_guessed_bodies_neither_contradict_nor_confirm_columns(ur10e):
     robot, logs = ur10e
     joints = [joint.model_copy(update={"guessed": ["link"]}) for joint in robot.joint]
-    for order, _ in (ORDERS[0], ORDERS[2]):
+    for order in (ORDERS[0][0], ORDERS[2][0], range(6)):
         (line,) = by_power(robot.model_copy(update={"joint": joints}), logs, order)
-        assert "not confirmed" in line
+        assert "the order of the joints is not confirmed" in line
+    first = [joints[k] if k < 2 else joint for k, joint in enumerate(robot.joint)]
+    (line,) = by_power(robot.model_copy(update={"joint": first}), logs)
+    assert "shoulder_pan and shoulder_lift" in line
     two = [joints[k] if k in (3, 4) else joint for k, joint in enumerate(robot.joint)]
     with pytest.raises(UserError, match=ORDERS[0][1]):  # those of the others do
         by_power(robot.model_copy(update={"joint": two}), logs, ORDERS[0][0])
