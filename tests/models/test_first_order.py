@@ -46,3 +46,13 @@ def test_columns_that_lie_apart_are_filtered_alike():
     values = np.random.default_rng(4).normal(size=(8, 6))
     some, _ = first_order.filtered((0.3, 0.2), -0.5, values[:, ::2], np.zeros((1, 3)))
     np.testing.assert_array_equal(some, first_order.filtered((0.3, 0.2), -0.5, values, np.zeros((1, 6)))[0][:, ::2])
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+@pytest.mark.parametrize(("rows", "state", "together"), [(8, (1,), 1), (8, (1, 3), 1), (8, (2, 2), 1), (7, (1, 2), 4)])
+def test_a_state_or_rows_that_do_not_fit_are_refused(compiled, rows, state, together, monkeypatch):
+    if not compiled:
+        monkeypatch.setattr(first_order, "library", lambda: None)
+    with pytest.raises(ValueError, match="do not fit"):
+        first_order.filtered((0.3, 0.2), -0.5, np.zeros((rows, 2)), np.zeros(state), together)
+    assert len(first_order.filtered((0.3, 0.2), -0.5, np.zeros((0, 2)), np.zeros((1, 2)), 4)[0]) == 0
