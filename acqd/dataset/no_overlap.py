@@ -53,8 +53,9 @@ def _remedy(power: _Span, motion: _Span) -> str:
         for epoch, by_s in _EPOCHS_S.items():
             if abs(ahead - by_s) < DAY_S:
                 return f"are {first} times counted from {epoch}? Write Unix seconds, or dates"
-    hours = [h for h in range(-_FURTHEST_ZONE_H, _FURTHEST_ZONE_H + 1) if _meet(power, motion, 3600.0 * h)]
-    if hours:
+    if _meet(power, motion, 0.0):
+        return "has the stream a gap at the times of the logs?"
+    if any(_meet(power, motion, 3600.0 * hour) for hour in range(-_FURTHEST_ZONE_H, _FURTHEST_ZONE_H + 1)):
         return "are they of two time zones? --zone says whose clock times without a zone are"
     return "are they of the same days? --search SECONDS widens the search"
 

@@ -43,3 +43,9 @@ def test_the_line_names_both_spans_and_the_likeliest_cause(power_s, log_s, remed
 def test_logs_of_another_origin_are_shown_in_seconds():
     assert "logs of 5 to 35 s" in line(T0, 5.0)
     assert "logs of -1000000000000 to -999999999970 s" in line(T0, -1e12)
+
+
+def test_logs_in_a_gap_of_the_power_are_not_called_of_another_zone():
+    days = [stream(T0), stream(T0 + 2 * 86_400)]
+    log = RobotLog(Path("a.csv"), T0 + 86_400 + np.arange(0, 30, 0.01), np.zeros((3000, 6)))
+    assert "has the stream a gap" in no_overlap(days, [log])
