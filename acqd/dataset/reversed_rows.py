@@ -41,7 +41,11 @@ def reversed_rows(robot: RobotDescription, recordings: Sequence[Recording]) -> s
 
 
 def _samples(logs: Sequence[Recording], axes: int, *, turned: bool, power_turned: bool) -> Iterator[OrderSample]:
-    """The rows that are known in both directions of time, with angles or power turned."""
+    """The rows that are known in both directions of time, with angles or power turned.
+
+    Blocks of turned rows are compared with those of other seconds: their scatter, and so the margin, is larger. A wrist
+    that turns alone in a real log gains as much as the limit, and only this margin keeps it.
+    """
     for log in logs:
         q, P = log.of_axes("q", axes), log.columns["P"]
         q, P = (q[::-1] if turned else q), (P[::-1] if power_turned else P)
