@@ -112,6 +112,14 @@ class LogColumns(Section):
             raise ValueError("expected {0}, {1} or {joint} where the names differ, and no other braces") from None
         return pattern
 
+    @model_validator(mode="after")
+    def _has_one_clock(self) -> LogColumns:
+        named = self.model_fields_set & {"time", "time_unit_s", "time_s", "time_ns"}
+        if self.row_s and (named or "time" in self.columns):
+            named_first = min(named, default="time in columns")
+            raise ValueError(f"row_s is of logs without a time; expected either row_s or {named_first}")
+        return self
+
 
 class RobotDescription(Section):
     """A whole robot."""

@@ -141,6 +141,12 @@ def test_rows_without_a_time_in_mm_with_kilowatts_of_each_drive_are_read(tmp_pat
     assert read_log(path, machine(power=["Px", "Pz"])).power is None
 
 
+@pytest.mark.parametrize("other", [{"time": "t"}, {"time_s": "s", "time_ns": "ns"}, {"columns": ["time", "q"]}])
+def test_rows_with_a_time_and_a_distance_are_refused(other):
+    with pytest.raises(ValueError, match="expected either row_s or time"):
+        machine(**other)
+
+
 def test_a_slide_that_is_elsewhere_within_a_row_is_refused(tmp_path):
     """Blocks of rows out of order: a tenth of a metre is no rounding."""
     path = tmp_path / "log.csv"
