@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import t as student
 
+from acqd import student
 from acqd.arrays import Floats
 from acqd.balance.rows import Rows
 from acqd.models.effects.cause import Cause

@@ -14,8 +14,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import t as student
 
+from acqd import student
 from acqd.dataset.order_fit import (
     CLEARLY,
     EXPLAINED,
