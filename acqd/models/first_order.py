@@ -37,8 +37,9 @@ def filtered(
 ) -> tuple[Floats, Floats]:
     """[T / together, ...] y_t = b0 x_t + b1 x_(t-1) - a y_(t-1) of values x [T, ...], and the state [1, ...] behind.
 
-    `state`: b1 x - a y of the row before the first; `together`: rows of which each result is the mean. Raises ValueError
-    for a state that does not fit the values, and for rows that are no multiple of `together`.
+    `state`: b1 x - a y of the row before the first; `together`: rows of which each result is the mean.
+
+    Raises ValueError for a state that does not fit the values, and for rows that are no multiple of `together`.
     """
     if len(values) % together or (len(values) and np.shape(state) != (1, *np.shape(values)[1:])):
         raise ValueError(f"a state {np.shape(state)} and means of {together} rows do not fit values {np.shape(values)}")
