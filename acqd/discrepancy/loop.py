@@ -62,7 +62,7 @@ def close_loop(config: CloseConfig, progress: Progress) -> Closed:
 
     improved = improve(subject, effects, errors_before, predictive, config.seed, grown=grown)
     trial = tried(subject, selection, improved, predictive, config.seed)
-    verdict, remarks = settled(subject, selection, improved, predictive.of_change(errors_before), usual, trial)
+    verdict, remarks = settled(subject, selection, improved, errors_before, predictive, usual, trial)
     if mistimed:
         verdict, remarks = "not_identifiable", [mistimed]
     if selection.unknown is not None and verdict in ("unknown_structure", "effects_found"):
@@ -72,7 +72,10 @@ def close_loop(config: CloseConfig, progress: Progress) -> Closed:
     after = quality(improved.errors)
     if after.rmse < floor_W:  # no model can be better than the noise: brakes and supplies act at rest, too
         floor_W, floor_source = after.rmse, "of the residual, which is smaller than what the power varies by at rest"
-    unexplained = largely_unexplained(selection, improved, errors_before, usual, grown=grown(improved.errors))
+    unexplained = largely_unexplained(
+        selection, improved, predictive.of_change(errors_before), predictive.of_change(improved.errors), usual,
+        grown=grown(improved.errors),
+    )  # fmt: skip
     warnings = [
         *of_meters,
         *unexplained,

@@ -55,21 +55,28 @@ def differing_logs(selection: Selection, improved: Improved) -> list[str]:
 
 
 def largely_unexplained(
-    selection: Selection, improved: Improved, errors_before: list[Floats], usual: UsualError, *, grown: bool
+    selection: Selection,
+    improved: Improved,
+    before: list[Floats],
+    after: list[Floats],
+    usual: UsualError,
+    *,
+    grown: bool,
 ) -> list[str]:
     """A note where the names explain less than half of what the error has grown by, and the rest is no usual error.
 
-    `grown`: whether the errors that remain are larger than those of the reference. Effects whose times nothing predicts
+    `before`, `after` [T] W: errors of the held-out segments without what the reference explains (ADR 110). `grown`:
+    whether the errors that remain are larger than those of the reference. Effects whose times nothing predicts
     explain nothing of recordings that took no part; their power counts as in the recordings of the search.
     """
     if usual.reference_rms is None or not grown or not improved.named:
         return []
-    most = max(rms(errors_before) ** 2 - usual.lowest_W**2, 1e-12)
-    share = explained_share(errors_before, improved.errors, usual.lowest_W)
+    most = max(rms(before) ** 2 - usual.lowest_W**2, 1e-12)
+    share = explained_share(before, after, usual.lowest_W)
     share += sum(_timed_squares(selection, each) for each in improved.named) / most
     if share >= MOST:
         return []
-    sizes = f"{rms(improved.errors):.2f} W remain on held-out recordings, {usual.lowest_W:.2f} W in the reference"
+    sizes = f"{rms(after):.2f} W remain on held-out recordings, {usual.lowest_W:.2f} W in the reference"
     explained = f"what has a name explains {percent(max(share, 0.0))} of what the squared error has grown by"
     return [f"{explained}: {sizes}; the largest cause may be something else"]
 

@@ -6,6 +6,7 @@ from acqd.arrays import Floats
 from acqd.discrepancy.recordings import Subject
 from acqd.discrepancy.repair.correcting import Trial
 from acqd.discrepancy.repair.guard import Improved
+from acqd.discrepancy.repair.predictive import Predictive
 from acqd.discrepancy.repair.usual_error import UsualError
 from acqd.discrepancy.selection.accepted import Selection, Verdict
 from acqd.discrepancy.selection.beyond_reference import only_beyond_reference
@@ -17,13 +18,14 @@ def settled(
     subject: Subject,
     selection: Selection,
     improved: Improved,
-    errors: list[Floats],
+    errors_before: list[Floats],
+    predictive: Predictive,
     usual: UsualError,
     trial: Trial | None,
 ) -> tuple[Verdict, list[str]]:
     """The verdict, and notes about it.
 
-    `errors` [T] W of the held-out segments before, without what the reference explains (ADR 110).
+    `errors_before` [T] W of the held-out segments are compared without what the reference explains (ADR 110).
 
     An effect with a name is found. A structure is unknown if its law predicts recordings that took no part, with a
     smaller error in W, too, or in an error that has grown: what sessions differ by predicts pieces of the same session.
@@ -32,13 +34,15 @@ def settled(
     """
     if improved.named:
         return "effects_found", []
+    errors = predictive.of_change(errors_before)
     grown = usual.exceeded_by(subject.held_out, errors)
-    sizes = f"{rms(errors):.2f} W RMS beyond what the reference explains, {usual.lowest_W:.2f} W there"
+    beyond = "" if predictive.beside is None else " beyond what the reference explains"
+    sizes = f"{rms(errors):.2f} W RMS{beyond}, {usual.lowest_W:.2f} W in the reference"
     if selection.unknown is not None:
         unknown = selection.unknown
         if only_beyond_reference(selection.rows, unknown.gate.open, unknown.finding, unknown.margin):
-            beyond = "what follows an unnamed cause shows only in faster motion than the reference has"
-            return "not_identifiable", [f"{beyond}: record a reference at these speeds"]
+            faster = "what follows an unnamed cause shows only in faster motion than the reference has"
+            return "not_identifiable", [f"{faster}: record a reference at these speeds"]
         if grown or (trial is not None and trial.predicts and trial.gain_W > 0):
             return "unknown_structure", []
         return "not_identifiable", [f"what follows an unnamed cause is in an error that has not grown ({sizes})"]

@@ -23,9 +23,9 @@ def said(monkeypatch):
         named = [SimpleNamespace(term=SimpleNamespace(id=name, where="here")) for name in ids]
         gate = SimpleNamespace(open=None)
         effects = [SimpleNamespace(id=n, place=SimpleNamespace(where="here"), finding=None, gate=gate) for n in ids]
-        improved = SimpleNamespace(named=named, errors=[np.full(9, rest_W)])
+        improved = SimpleNamespace(named=named)
         selection = SimpleNamespace(effects=effects, design=None)
-        return largely_unexplained(selection, improved, [np.full(9, 3.0)], usual, grown=grown)
+        return largely_unexplained(selection, improved, [np.full(9, 3.0)], [np.full(9, rest_W)], usual, grown=grown)
 
     return line
 

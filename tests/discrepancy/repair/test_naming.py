@@ -27,6 +27,9 @@ CLIPPED = found(
 )
 """A share from minus 3 to 4 beyond a power that is certain."""
 
+AS_IT_IS = Predictive(None, 0.0, 1.0)
+"""Where the reference says nothing of the model's error."""
+
 
 def selection_of(*effects):
     columns = SimpleNamespace(scenes=SimpleNamespace(drop_kept=lambda: None))
@@ -150,7 +153,8 @@ def test_the_verdict_follows_from_names_laws_and_the_growth_of_the_error(
     law = Unknown(None, SimpleNamespace(open=None), 15.0) if unknown else None
     selection = SimpleNamespace(rows=None, unknown=law, usual=())
     trial = None if gains is None else Trial(model, None, errors, None, None, gains[1], gains[0])
-    assert settled(subject, selection, Improved(model, tuple(effects), errors), errors, usual, trial)[0] == verdict
+    improved = Improved(model, tuple(effects), errors)
+    assert settled(subject, selection, improved, errors, AS_IT_IS, usual, trial)[0] == verdict
 
 
 @pytest.mark.parametrize(("now_W", "verdict"), [(6.0, "nothing_left"), (16.0, "not_identifiable")])
@@ -162,8 +166,13 @@ def test_what_sessions_differ_by_hides_a_cause_only_where_the_error_has_grown(no
         SimpleNamespace(held_out=new, fit_s=600),
         SimpleNamespace(unknown=None, usual=(SimpleNamespace(id="", name="a law"),)),
     )
-    said, notes = settled(subject, selection, Improved(model, (), errors), errors, usual, None)
+    said, notes = settled(subject, selection, Improved(model, (), errors), errors, AS_IT_IS, usual, None)
     assert said == verdict and [each for each in notes if each.endswith("by a law, too")] == notes
+    assert not any("beyond what the reference explains" in each for each in notes)
+    lacks = SimpleNamespace(given=lambda _: ([0.1 * each for each in errors], (), None))  # a tenth, by the reference
+    known = replace(AS_IT_IS, beside=lacks)
+    said, notes = settled(subject, selection, Improved(model, (), errors), errors, known, usual, None)
+    assert said == verdict and all("beyond what the reference explains, " in each for each in notes)
 
 
 def test_two_effects_that_help_only_together_stay():
