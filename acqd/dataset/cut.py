@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 from itertools import pairwise
 from typing import Literal
@@ -26,11 +25,6 @@ _SHORTEST_S, _LONGEST_S = 5.0, 60.0  # the loop's noise model needs 120 rows; wa
 _SLACK = 0.25  # share of a piece by which its length may differ, so that cuts lie in rests
 _GRID_S = 0.04
 _REST = 0.02  # of the speed limits
-
-
-def log_of_piece(name: str) -> str:
-    """Name of the log that a piece was cut out of; of a whole log, its own."""
-    return re.sub(r"_p\d{3,}$", "", name)
 
 
 def automatic_length(logs: list[RobotLog]) -> float:

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from acqd.arrays import Floats
-from acqd.dataset.cut import CONTEXT_ROWS, log_of_piece
+from acqd.dataset.cut import CONTEXT_ROWS
 from acqd.dataset.merge import Recording
+from acqd.dataset.split import log_name
 
 _LONGEST_GAP_S = 60.0
 """Between two pieces of a log; logs of like names may lie days apart."""
@@ -17,21 +18,21 @@ _LONGEST_GAP_S = 60.0
 def rejoined(recordings: Sequence[Recording], axes: int) -> list[Recording]:
     """Angles and power of each log, from its pieces with power; NaN and not valid where no piece has both."""
     runs: list[list[Recording]] = []
-    for each in sorted(recordings, key=lambda recording: recording.name):
+    for each in sorted(recordings, key=lambda recording: (log_name(recording.name), int(recording.time_ns[0]))):
         if not each.valid.any():
             continue
         if runs and _follows(each, runs[-1][-1]):
             runs[-1].append(each)
         else:
             runs.append([each])
-    return [_joined(log_of_piece(pieces[0].name), pieces, axes) for pieces in runs]
+    return [_joined(log_name(pieces[0].name), pieces, axes) for pieces in runs]
 
 
 def _follows(piece: Recording, before: Recording) -> bool:
     """Whether a piece is of the same log, and begins where the one before ends; both hold rows of the other."""
     gap_s = float(piece.time_ns[0] - before.time_ns[-1]) * 1e-9
     shared_s = (2 * CONTEXT_ROWS + 1) * float(np.median(np.diff(before.time_ns))) * 1e-9
-    return log_of_piece(piece.name) == log_of_piece(before.name) and -shared_s <= gap_s <= _LONGEST_GAP_S
+    return log_name(piece.name) == log_name(before.name) and -shared_s <= gap_s <= _LONGEST_GAP_S
 
 
 def _joined(name: str, pieces: Sequence[Recording], axes: int) -> Recording:

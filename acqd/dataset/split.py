@@ -21,7 +21,7 @@ def source_of(name: str) -> str:
 
 def log_name(name: str) -> str:
     """The log that a recording is a piece of; a whole log is its own."""
-    return re.sub(r"_p\d{3}$", "", name)
+    return re.sub(r"_p\d{3,}$", "", name)
 
 
 def sources_of(names: list[str]) -> dict[str, str]:

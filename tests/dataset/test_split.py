@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from acqd.dataset.split import source_of, sources_of, split
+from acqd.dataset.split import log_name, source_of, sources_of, split
 
 
 def test_no_source_is_on_two_sides_and_shares_are_kept():
@@ -35,3 +35,8 @@ def test_numbered_logs_are_sources_when_they_would_be_one_trajectory():
     assert set(sources_of(pieces).values()) == set(names)  # pieces of one log stay together
     two = [f"rec_{k:04d}_p{p:03d}" for k in (1, 2) for p in range(1, 4)]
     assert sources_of(two) == {name: name for name in two}
+
+
+def test_a_log_has_more_than_a_thousand_pieces():
+    assert {log_name(f"shift_p{number:03d}") for number in (1, 999, 1000, 12345)} == {"shift"}
+    assert log_name("shift_p01") == "shift_p01"
