@@ -126,7 +126,7 @@ def open_power(
         from acqd.dataset.power_files import known_format
 
         expected = "expected an SQL URL, or a .sqlite, .csv, .jsonl or .parquet file"
-        raise UserError(f"power {origin}: {known_format(path) or expected}")
+        raise UserError(f"power {origin}: {'; '.join(filter(None, (known_format(path), expected)))}")
     return _spool(shown_origin, blocks, clock, notes)
 
 

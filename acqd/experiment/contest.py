@@ -25,7 +25,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cholesky, solve_triangular
-from scipy.special import log_ndtr
+from scipy.special import ndtr
 
 from acqd import student
 from acqd.arrays import Floats
@@ -108,7 +108,7 @@ class Contest:
 
     def probabilities(self, moments: Moments) -> Floats:
         """[causes] probability that the loop names a cause where that is what has changed."""
-        return np.array([float(weights @ np.exp(log_ndtr(z))) for z, weights in self._distances(moments)])
+        return np.array([float(weights @ ndtr(z)) for z, weights in self._distances(moments)])
 
     def score(self, moments: Moments) -> float:
         """What a design is worth: the expected probability of the right name by a distance that is an estimate."""

@@ -37,8 +37,8 @@ _FORMATS = {
     b"\x80": "is a pickle of Python, which is not read; write its table as CSV or Parquet",
     b"SQLite format 3": "is an SQLite database; write its table as CSV (a ROS 2 bag is the folder with metadata.yaml)",
     b"version https://git-lfs": "is only a pointer of Git LFS; fetch the file itself: git lfs pull",
-    b"{": "is JSON; write its table as CSV, with a column for each joint",
-    b"[{": "is JSON; write its table as CSV, with a column for each joint",
+    b"{": "is JSON; write its table as CSV",
+    b"[{": "is JSON; write its table as CSV",
     b"<": "is a page or XML, not a table; download the file itself",
 }
 """What begins like this, and what to do."""

@@ -294,6 +294,13 @@ def test_times_of_windows_under_the_name_of_a_unix_time_are_named(tmp_path, firs
         open_power(str(path), None, None)
 
 
+def test_json_is_named_as_such_with_what_can_be_read(tmp_path):
+    path = tmp_path / "p.dat"
+    path.write_text('{"time": 1.0, "P": 2.0}\n')
+    with pytest.raises(UserError, match=r"is JSON; write its table as CSV; expected .* \.jsonl or"):
+        open_power(str(path), None, None)
+
+
 def test_a_compressed_file_is_named_as_one_whatever_it_is_called(tmp_path):
     path = tmp_path / "p.csv.gz"
     path.write_bytes(gzip.compress(ROWS.encode()))

@@ -46,7 +46,7 @@ def test_titles_separators_at_line_ends_and_utf_16_are_read(tmp_path, text):
         (b"PK\x03\x04" + b"x" * 100, "write its table as CSV"),
         (b"version https://git-lfs.github.com/spec/v1\noid", "git lfs pull"),
         (b"<!DOCTYPE html><html>", "download the file itself"),
-        (b'{"time": 0.0, "q1": 0.1}\n' * 200, "is JSON; write its table as CSV, with a column for each joint"),
+        (b'{"time": 0.0, "q1": 0.1}\n' * 200, "is JSON; write its table as CSV"),
         (b'[{"time": 0.0, "q1": 0.1},\n' * 200, "is JSON"),
         ((HEADER + ROWS + ROWS.replace(",0.1,", ",1.4,")).encode(), "row 202: .* one file per recording"),
         (HEADER.replace("q", "Q").encode() + ROWS.encode(), "in small letters, without units"),
