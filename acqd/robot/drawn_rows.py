@@ -43,9 +43,9 @@ def drawn_every(time: Floats, q: Floats) -> float:
     """
     time, q = time[:_MOST_ROWS], q[:_MOST_ROWS]
     step = np.diff(time)
-    if len(step) <= _ORDER:
+    even = np.abs(step - np.median(step)) < _UNEVEN * np.median(step) if len(step) else np.zeros(0, bool)
+    if len(step) <= _ORDER or not even.any():
         return 0.0
-    even = np.abs(step - np.median(step)) < _UNEVEN * np.median(step)
     usual_s = float(step[even].mean())
     size = np.linalg.norm(np.diff(q, n=_ORDER, axis=0), axis=1)
     speed = np.linalg.norm(q[_ORDER:] - q[:-_ORDER], axis=1)

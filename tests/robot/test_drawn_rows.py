@@ -64,4 +64,6 @@ def test_smooth_motion_ramps_and_noise_are_not_taken_for_drawn(noise):
     for q in (sines, ramps + 1e-4 * sines):
         assert drawn_every(t, q + noise * random.normal(size=q.shape)) == 0.0
     assert drawn_every(t, np.zeros((3000, 3))) == 0.0
-    assert drawn_every(t[:8], sines[:8]) == 0.0
+    assert drawn_every(t[:8], sines[:8]) == drawn_every(t[:0], sines[:0]) == 0.0
+    every_other = np.cumsum(np.tile([0.01, 0.03], 1500))[:-1]  # no step is near the median one
+    assert drawn_every(every_other, sines[1:]) == 0.0
