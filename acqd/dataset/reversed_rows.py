@@ -2,7 +2,7 @@
 
 Friction and copper losses do not know the direction of time, but lifting and lowering, speeding up and braking do. The
 regression of the power that judges the order of the axes judges the order of the rows: its weights of
-mechanical power are not negative.
+mechanical power are not negative (ADR 101).
 """
 
 from __future__ import annotations

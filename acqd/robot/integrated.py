@@ -3,7 +3,7 @@
 A milling machine writes its place to 1 mm and its speed to 0.01 mm/s. Smoothing such places until their accelerations
 are right would hide the motion; the speeds hold it. Speeds may be late, or filtered, and off by a factor: the places
 are regressed on the integral and on the speed, whose weights are the factor and minus the delay. What is left is the
-error of the written places, and a slow drift of the integral, which a local quadratic follows.
+error of the written places, and a slow drift of the integral, which a local quadratic follows (ADR 99).
 """
 
 from __future__ import annotations
