@@ -1,8 +1,8 @@
 """The choice of pieces: the piece that is worth most per second, until the time is up, then exchanges that improve.
 
 Information of different pieces adds, as that of independent recordings does. A repeat brings other noise, and the same
-errors of the model: what the learning rate leaves out (ADR 106). Greedy choice with exchanges is the usual way to exact designs
-(Fedorov 1972; Mitchell 1974).
+errors of the model: what the learning rate leaves out (ADR 106). Greedy choice with exchanges is the usual way to
+exact designs (Fedorov 1972; Mitchell 1974).
 """
 
 from __future__ import annotations
