@@ -16,14 +16,14 @@ from acqd.workers import run_here_as_well
 from tests.places import ROOT
 
 SCRIPT = """
-import sys, time
+import os, sys, time
 from acqd.cli.main import for_people
 from acqd.workers import run_here
 if __name__ != "__main__" and sys.argv[1:] == ["importing"]:
     time.sleep(2)  # a library that takes its time, in the worker
 
 def work(task):
-    print("working", flush=True)
+    os.write(1, b"working\\n")
     time.sleep(2)
 
 def told():

@@ -17,7 +17,7 @@
 
   const bytes = (count) => count < 1e6 ? `${(count / 1e3).toFixed(0)} kB` : `${(count / 1e6).toFixed(1)} MB`;
   const seconds = (age) => age < 120 ? `${age.toFixed(1)} s` : age < 7200 ? `${(age / 60).toFixed(0)} min` : `${(age / 3600).toFixed(1)} h`;
-  const link = (peer) => peer && `${peer.connected ? "connected" : "away"}${peer.reconnects ? `, reconnected ${peer.reconnects} time${peer.reconnects === 1 ? "" : "s"}` : ""}`;
+  const link = (peer) => peer && `${peer.connected ? "connected" : "away"}${peer.reconnects ? `, reconnections: ${peer.reconnects}` : ""}`;
 
   function tiles(services) {
     const of = (name) => services.find((service) => service.service === name)?.status ?? {};

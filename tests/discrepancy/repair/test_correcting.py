@@ -13,6 +13,7 @@ from acqd.discrepancy.repair.law_fit import fit_law
 from acqd.discrepancy.repair.predictive import Predictive
 from acqd.discrepancy.repair.terms import reported, scaled
 from acqd.discrepancy.repair.torque_scale import TorqueScale
+from acqd.discrepancy.repair.usual_error import UsualError
 from acqd.discrepancy.selection.accepted import Unknown
 from acqd.discrepancy.selection.ranking import Finding
 from acqd.fmu.variables import parameters_of
@@ -87,8 +88,10 @@ def subject_of(robot, model, carrier, fit, held_out, reference):
 def correct(subject, selection):
     errors = errors_of(subject.model, subject.held_out)
     improved = Improved(subject.model, (), errors)
-    trial = tried(subject, selection, improved, Predictive.of(selection, subject), 1)
-    return corrected(subject, selection, improved, trial, grown=True)
+    predictive = Predictive.of(selection, subject)
+    trial = tried(subject, selection, improved, predictive, 1)
+    grown = UsualError.of(subject, 0.5).exceeded_by(subject.held_out, predictive.of_change(errors))
+    return corrected(subject, selection, improved, trial, grown=grown)
 
 
 @pytest.mark.slow
