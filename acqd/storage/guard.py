@@ -64,6 +64,8 @@ class Guard:
         self.recalled = ""
         """Name of the last such event, also of an earlier start: daemons may have been away since. Empty: none."""
         self._unwritten, self._head = False, b""
+        self._cut = ""
+        """What was found of a log that is not whole and could not be set aside yet: the disk was full."""
         self.commits: Commits | None = None
         """Of the last transaction, for receipts; None before the first one. Other threads read it."""
 
@@ -80,6 +82,8 @@ class Guard:
         Raises DatabaseAwayError when it is another one, or not there; the errors of SQLAlchemy.
         """
         self._check_file()
+        if self._cut and self._stat(self._log) is not None:
+            raise self._left(None, self._cut, cut=True)
         with transaction(self._engine) as connection:
             self._check_connection(connection)
             known = self._read(connection)
@@ -89,9 +93,11 @@ class Guard:
             if self._unwritten:
                 state.write(connection, self._recalled_key, self.recalled)
             yield connection
+            about = connection.connection.info
             end = self._end_of_log(self._check_connection(connection))
         if end and not self._page_at(end):
             raise self._left(None, f"{_LOG} was cut off while the sink wrote to it; opening it again", cut=True)
+        self._note_log(about)
         self._number, self._unwritten = number, False
         if self._identity is not None:
             self._memory.committed(self._identity, number)
@@ -146,6 +152,11 @@ class Guard:
         begin = (size - _HEAD) // page * page - page + _HEAD
         return begin if page > _FRAME and begin >= _HEAD and self._page_at(begin) else 0
 
+    def _note_log(self, about: dict[Any, Any]) -> None:
+        """After a commit, which may have begun the log anew, and may be most of it."""
+        if self._path is not None and (log := self._stat(self._log)) is not None:
+            about[_LOG], self._head = log.size, self._head_of_log()
+
     def _head_of_log(self) -> bytes:
         """Whoever empties the log as SQLite does writes another one; empty where the disk does not say."""
         with suppress(OSError), open(self._log, "rb", buffering=0) as log:
@@ -173,18 +184,29 @@ class Guard:
         part of one damages it; so nothing is there meanwhile. Whole ones count when the file is opened.
         """
         kept = f"{self._log}.cut"
+        self._cut = reason if cut else ""
         try:
             if cut:
-                shutil.copyfile(self._log, kept)
+                self._copy_log(kept)
                 os.truncate(self._log, 0)
             if connection is not None:
                 connection.invalidate()
             self._engine.dispose()  # other threads have the old file open, too
             if cut:
                 os.replace(kept, self._log)  # who else has the file open keeps the empty log, and moves nothing
+            self._cut = ""
         except OSError as error:
             return self._away(f"{reason}: {error.strerror or error}")
         return self._away(reason)
+
+    def _copy_log(self, kept: str) -> None:
+        """A copy that a full disk ends is deleted. Raises OSError."""
+        try:
+            shutil.copyfile(self._log, kept)
+        except OSError:
+            with suppress(OSError):
+                os.unlink(kept)
+            raise
 
     def _stat(self, path: str | None = None) -> _There | None:
         """The file, or its log; None where it is not there.

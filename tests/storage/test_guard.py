@@ -416,3 +416,53 @@ def test_rows_of_a_commit_that_leaves_a_hole_in_the_log_have_no_receipt(tmp_path
     assert count(open_database(str(path))) == 101
     with contextlib.closing(sqlite3.connect(path)) as connection:
         assert connection.execute("PRAGMA integrity_check").fetchone() == ("ok",)
+
+
+@pytest.mark.parametrize("anew", [False, True])
+@pytest.mark.parametrize("left", [0.0, 0.3, 0.6])
+def test_a_log_that_is_cut_off_after_a_batch_that_is_most_of_it_is_noticed(tmp_path, left, anew):
+    """`anew`: the batch has begun the log again, as SQLite does where the file has all of it."""
+    path = tmp_path / "a.sqlite"
+    log = path.with_name("a.sqlite-wal")
+    engine = open_database(str(path))
+    engine.dispose()
+    writer = Writer(engine)
+    if anew:
+        writer.write([message(row(k)) for k in range(600)])
+        with contextlib.closing(sqlite3.connect(path)) as connection:
+            connection.execute("PRAGMA wal_checkpoint")
+    writer.write([message(row(k)) for k in range(600, 1200)])
+    os.truncate(log, int(log.stat().st_size * left))
+    with pytest.raises(DatabaseAwayError, match=r"\(-wal\) became shorter"):
+        writer.write([message(row(1200))])
+    writer.write([message(row(1200))])
+    assert writer.guard.restored == 1 and count(open_database(str(path))) == (601 if anew else 1)
+    with contextlib.closing(sqlite3.connect(path)) as connection:
+        assert connection.execute("PRAGMA integrity_check").fetchone() == ("ok",)
+
+
+def test_a_log_that_was_cut_off_takes_no_row_before_the_full_disk_takes_a_copy_of_it(tmp_path, monkeypatch):
+    path = tmp_path / "a.sqlite"
+    engine = open_database(str(path))
+    engine.dispose()
+    writer = Writer(engine)
+    writer.write([message(row(k)) for k in range(100)])
+    log, copied = path.with_name("a.sqlite-wal"), shutil.copyfile
+
+    def full(source, target):
+        copied(source, target)
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(shutil, "copyfile", full)
+    sa.event.listen(engine, "commit", lambda _: os.truncate(log, int(log.stat().st_size * 0.6)), once=True)
+    for _ in range(3):
+        with pytest.raises(DatabaseAwayError, match=r"cut off while .* No space left on device"):
+            writer.write([message(row(100))])
+    assert not list(tmp_path.glob("*.cut"))
+    monkeypatch.undo()
+    with pytest.raises(DatabaseAwayError, match="cut off while"):
+        writer.write([message(row(100))])
+    writer.write([message(row(k)) for k in range(101)])
+    assert count(open_database(str(path))) == 101
+    with contextlib.closing(sqlite3.connect(path)) as connection:
+        assert connection.execute("PRAGMA integrity_check").fetchone() == ("ok",)
