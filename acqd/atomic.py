@@ -71,18 +71,19 @@ def naming(path: Path) -> Iterator[None]:
 def replace_file(path: Path, content: bytes) -> None:
     """Replace a file: whatever happens, its content is the old or the new one. Raises OSError.
 
-    A pipe or a terminal of that name is written to.
+    A pipe or a terminal of that name is written to, and a link stays one: the file that it leads to is replaced.
     """
     if path.exists() and not path.is_file():
         path.write_bytes(content)
         return
-    temporary = path.with_name(f".{path.name}.new")
+    target = path.resolve()
+    temporary = target.with_name(f".{target.name}.new")
     try:
         with temporary.open("wb") as file:
             file.write(content)
             file.flush()
             os.fsync(file.fileno())
-        temporary.replace(path)
+        temporary.replace(target)
     except OSError as error:
         with suppress(OSError):
             temporary.unlink()

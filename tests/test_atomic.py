@@ -2,10 +2,11 @@
 
 import errno
 import os
+from pathlib import Path
 
 import pytest
 
-from acqd.atomic import replace_file, require_free, require_writable
+from acqd.atomic import replace_file, require_free, require_writable, write_complete
 from acqd.errors import UserError
 from acqd.report.page import Page
 from tests.commands import acqd_here
@@ -60,3 +61,21 @@ def test_what_is_no_file_is_written_to(tmp_path):
     replace_file(tmp_path / "pipe", b"page")
     assert os.read(reader, 10) == b"page" and (tmp_path / "pipe").is_fifo()
     os.close(reader)
+
+
+def test_a_page_for_the_standard_output_of_a_pipeline_is_written_to_it(tmp_path):
+    """`/dev/stdout` is a link that leads to no name of a file."""
+    reader, writer = os.pipe()
+    Page("Plant", simulated=True).write(Path(f"/dev/fd/{writer}"))
+    os.close(writer)
+    with open(reader, encoding="utf-8") as page:
+        assert "Plant" in page.read()
+
+
+def test_a_link_stays_one_and_its_file_is_replaced(tmp_path):
+    (tmp_path / "disk").mkdir()
+    (tmp_path / "disk" / "table.csv").write_text("old")
+    (tmp_path / "table.csv").symlink_to("disk/table.csv")
+    write_complete(tmp_path / "table.csv", b"new")
+    assert (tmp_path / "table.csv").is_symlink() and (tmp_path / "disk" / "table.csv").read_text() == "new"
+    assert sorted(path.name for path in tmp_path.rglob("*")) == ["disk", "table.csv", "table.csv"]

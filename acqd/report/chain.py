@@ -77,7 +77,7 @@ def _link(page: Path, to: Path, way: Way) -> None:
     links = {**_links(inside), (way, address): html.escape(name)}
     place = f"<!--pages-->{_nav(links)}<!--/pages-->"
     if place != f"<!--pages-->{inside}<!--/pages-->":
-        write_complete(page.resolve(), _PLACE.sub(lambda _: place, text, count=1).encode())
+        write_complete(page, _PLACE.sub(lambda _: place, text, count=1).encode())
 
 
 def _text(page: Path) -> tuple[str, str]:

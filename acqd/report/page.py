@@ -130,7 +130,7 @@ class Page:
     def write(self, path: Path) -> None:
         """Write the page. Raises UserError when the file cannot be written."""
         try:
-            replace_file(path.resolve(), self.html().encode())
+            replace_file(path, self.html().encode())
         except OSError as error:
             raise UserError(f"{path}: cannot be written ({error.strerror}); choose another --out") from None
 
