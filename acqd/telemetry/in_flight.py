@@ -66,8 +66,7 @@ class InFlight:
             self._count -= settled
             times = [group.last for group in self._groups if group.remove(stream, first, last)]
             self.settled_sent = times[0]
-            while self._groups and not self._groups[0].rows:
-                self._groups.popleft()
+            self._drop_settled()
         return settled
 
     def oldest_s(self, now: float) -> float:
@@ -81,6 +80,7 @@ class InFlight:
             for stream, rows in self._groups.popleft().rows.items():
                 for first, last in rows:
                     self._count -= self._rows[stream].remove(first, last)
+        self._drop_settled()
         return before - self._count
 
     def clear(self) -> None:
@@ -97,6 +97,11 @@ class InFlight:
     def __len__(self) -> int:
         """Rows under way."""
         return self._count
+
+    def _drop_settled(self) -> None:
+        """The oldest group is one with rows."""
+        while self._groups and not self._groups[0].rows:
+            self._groups.popleft()
 
     def _join_oldest(self) -> None:
         older, newer = self._groups.popleft(), self._groups[0]
