@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import shutil
 import tempfile
@@ -71,10 +72,12 @@ def naming(path: Path) -> Iterator[None]:
 def replace_file(path: Path, content: bytes) -> None:
     """Replace a file: whatever happens, its content is the old or the new one. Raises OSError.
 
-    A pipe or a terminal of that name is written to, and a link stays one: the file that it leads to is replaced.
+    A terminal, or a pipe that somebody reads, is written to; a pipe that nobody reads is replaced, for it would be
+    waited for. A link stays one: the file that it leads to is replaced.
     """
-    if path.exists() and not path.is_file():
-        path.write_bytes(content)
+    if path.exists() and not path.is_file() and (stream := _stream(path)) is not None:
+        with os.fdopen(stream, "wb") as file:
+            file.write(content)
         return
     target = path.resolve()
     temporary = target.with_name(f".{target.name}.new")
@@ -89,6 +92,18 @@ def replace_file(path: Path, content: bytes) -> None:
             temporary.unlink()
         error.filename = str(path)
         raise
+
+
+def _stream(path: Path) -> int | None:
+    """Descriptor of a pipe, a terminal or another device; None of a pipe that nobody reads. Raises OSError."""
+    try:
+        stream = os.open(path, os.O_WRONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    except OSError as error:
+        if error.errno == errno.ENXIO and path.is_fifo():
+            return None
+        raise
+    os.set_blocking(stream, True)
+    return stream
 
 
 def write_complete(path: Path, content: bytes) -> None:

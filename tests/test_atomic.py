@@ -61,6 +61,8 @@ def test_what_is_no_file_is_written_to(tmp_path):
     replace_file(tmp_path / "pipe", b"page")
     assert os.read(reader, 10) == b"page" and (tmp_path / "pipe").is_fifo()
     os.close(reader)
+    replace_file(tmp_path / "pipe", b"nobody reads")
+    assert (tmp_path / "pipe").read_bytes() == b"nobody reads"
 
 
 def test_a_page_for_the_standard_output_of_a_pipeline_is_written_to_it(tmp_path):
