@@ -198,12 +198,16 @@ class RegisterFile:
 
 
 def _ours_alone(path: Path) -> bool:
-    """Whether it is a file with this name only: neither a link, nor a pipe, nor a file of a backup by hard links."""
+    """Whether it is a file that we may write to, with this name only.
+
+    It is not where it is a link or a pipe, where a backup by hard links has it, and where another user has made it: an
+    `acqd run` by root, say.
+    """
     try:
         status = path.lstat()
     except FileNotFoundError:
         return True
-    return stat.S_ISREG(status.st_mode) and status.st_nlink <= 1
+    return stat.S_ISREG(status.st_mode) and status.st_nlink <= 1 and os.access(path, os.W_OK | os.R_OK)
 
 
 def greater(

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import errno
+import multiprocessing
 import os
 import stat
+from pathlib import Path
 from unittest import mock
 
 import pytest
@@ -158,6 +160,27 @@ def test_what_others_have_a_name_for_is_not_written_over(tmp_path):
         register.save([(5.0, 0.0)])
         assert register.trouble == ""
     assert register.load(1) == [(5.0, 0.0)] and other.read_text() == "of somebody else"
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can be another user")
+def test_files_that_root_has_made_hold_no_service_up(tmp_path):
+    tmp_path.chmod(0o777)
+    for reading in (1.0, 2.0, 3.0):
+        RegisterFile(tmp_path, "box").save([(reading, 0.0)])
+    service = multiprocessing.get_context("fork").Process(target=_save_as_nobody, args=(tmp_path,))
+    service.start()
+    service.join()
+    assert service.exitcode == 0 and RegisterFile(tmp_path, "box").load(1) == [(4.0, 0.0)]
+
+
+def _save_as_nobody(folder):
+    os.chdir(folder)  # those above it are closed to others
+    os.setgroups([])
+    os.setgid(65534)
+    os.setuid(65534)
+    register = RegisterFile(Path(), "box")
+    register.save([(4.0, 0.0)])
+    assert not register.trouble
 
 
 def test_the_last_run_is_asked_about_where_the_disk_may_lack_its_end(tmp_path):
