@@ -94,13 +94,20 @@ class Root:
         return None
 
     def remove_folder(self, path: str) -> None:
-        """Delete a folder with what is in it. Raises OperationError."""
+        """Delete a folder with what is in it; of a link to a folder, the link. Raises OperationError."""
+        folder = self.at(path)
+        leads_to = folder.readlink() if folder.is_symlink() else None
         try:
-            shutil.rmtree(self.at(path))
+            if leads_to is None:
+                shutil.rmtree(folder)
+            else:
+                folder.unlink()
         except OSError as error:
             remedy = "does a process that somebody started by hand still write there? End it, and repeat the command"
-            raise OperationError(f"{path} cannot be deleted ({error.strerror}): {remedy}") from None
+            raise OperationError(f"{path} cannot be deleted ({error.strerror or error}): {remedy}") from None
         self.done.append(f"removed {path}")
+        if leads_to is not None:
+            self.done.append(f"kept {leads_to}, to which {path} led")
 
     def remove(self, path: str) -> None:
         """Delete a file, and its folder of drop-ins when that is empty then."""

@@ -114,6 +114,16 @@ def test_a_purge_that_a_running_process_disturbs_says_so_and_can_be_repeated(roo
     assert "kept /etc/acqd.before-20261127T165033Z, which a restore has moved aside" in done.stdout
 
 
+def test_a_purge_deletes_a_link_and_not_what_it_leads_to(root, tmp_path):
+    installed(root)
+    disk = tmp_path / "disk"
+    shutil.move(root / "var/lib/acqd", disk)
+    (root / "var/lib/acqd").symlink_to(disk)
+    done = acqd_here("service", "remove", "--purge", "--yes", "--root", root)
+    assert done.returncode == 0 and f"kept {disk}, to which /var/lib/acqd led" in done.stdout
+    assert disk.is_dir() and not (root / "var/lib/acqd").is_symlink() and not (root / "etc/acqd").exists()
+
+
 def test_an_installation_after_a_removal_lets_the_same_users_in(root):
     installed(root)
     password = (root / "etc/acqd/box.password").read_text()
