@@ -15,6 +15,7 @@ from acqd.metering.quality.meter import QualityMeter
 from acqd.metering.quality.quantities import OFF_NOMINAL
 from acqd.metering.quality.response import IDEAL, Responses
 from acqd.metering.quality.telegram import SIGNALLING, telegram_only
+from acqd.metering.quality.values import QualityValues
 from acqd.telemetry.quality_row import QualityRow, from_kind, quality_rows
 
 _log = logging.getLogger(__name__)
@@ -64,16 +65,20 @@ class QualityFeed:
 
     def finish(self) -> list[QualityRow]:
         """Rows that the last samples complete: no more will come."""
-        return self._rows(self._gathered.rest())
+        rows = self._rows(self._gathered.rest())
+        return rows if self._flicker is None else [*rows, *self._rows_of(self._flicker.rest())]
 
     def _rows(self, blocks: Iterable[SampleBlock]) -> list[QualityRow]:
         return [row for block in blocks for row in self._of_block(block)]
 
     def _of_block(self, block: SampleBlock) -> list[QualityRow]:
         assert self._meter is not None
-        rows: list[QualityRow] = []
         flicker = self._flicker.feed(block) if self._flicker is not None else ()
-        for values in chain(self._meter.feed(block), flicker):
+        return self._rows_of(chain(self._meter.feed(block), flicker))
+
+    def _rows_of(self, found: Iterable[QualityValues]) -> list[QualityRow]:
+        rows: list[QualityRow] = []
+        for values in found:
             self._notice(OFF_NOMINAL in values.flags)
             if values.kind not in self._kinds:
                 if SIGNALLING not in values.flags:

@@ -49,6 +49,19 @@ def test_blocks_of_a_window_make_the_rows_of_long_ones():
     assert early + rest == whole
 
 
+def test_ten_minutes_that_end_in_the_last_second_have_a_flicker_severity():
+    rate, begin_s = 2000.0, 600 * 2_000_000 - 61.05
+    x = three_phases(2 * np.pi * 50 * np.arange(int(61.3 * rate)) / rate)
+    feed = QualityFeed(QualitySection(enabled=True, interval="10min", flicker=True), "cell1", 230.0, lambda: "boot1")
+    feed.open(StreamFormat(rate, (1.0,) * 6, bits=64))
+    rows = []
+    for k in range(0, len(x), 200):
+        rows += feed.take(SampleBlock(x[k : k + 200], k, round((begin_s + k / rate) * 1e9)))
+    rows += feed.finish()
+    assert not feed.finish()
+    assert [row.aggregation for row in rows].count("Pst") == 3
+
+
 @pytest.mark.parametrize("interval", ["10/12", "10min"])
 def test_a_telegram_is_recorded_from_its_begin_for_the_time_that_is_set(interval):
     """A dip, whose edges have lines at the carrier, begins no recording; the pause within a telegram ends none."""

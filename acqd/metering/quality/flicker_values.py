@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from math import ceil
 
 import numpy as np
@@ -33,7 +33,14 @@ class FlickerValues:
 
     def feed(self, block: SampleBlock) -> Iterator[QualityValues]:
         """Values that `block` completes."""
-        for second in self._gathered.add(block):
+        return self._filter(self._gathered.add(block))
+
+    def rest(self) -> Iterator[QualityValues]:
+        """Values that the samples since the last second complete: no more will come."""
+        return self._filter(self._gathered.rest())
+
+    def _filter(self, blocks: Iterable[SampleBlock]) -> Iterator[QualityValues]:
+        for second in blocks:
             for short in self._meter.feed(second):
                 yield self._values("Pst", short)
                 if (long := self._long.take(short)) is not None:
