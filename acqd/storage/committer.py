@@ -105,8 +105,9 @@ class Committer:
 
     def _run(self) -> None:
         try:
-            if not self._prepared and self._insist(self._prepare) is None:
+            if self._insist(self._open) is None:
                 return
+            os.eventfd_write(self.readable, 1)
             while (batch := self._todo.get()) is not None and not self._stopping.is_set():
                 written = self._insist(partial(self._writer.write, batch.messages))
                 if written is None:
@@ -119,8 +120,11 @@ class Committer:
         finally:
             self._writer.guard.close()
 
-    def _prepare(self) -> bool:
-        prepare(self._engine)
+    def _open(self) -> bool:
+        """Before the first row: daemons hear that the database is new while no row in it has a receipt."""
+        if not self._prepared:
+            prepare(self._engine)
+        self._writer.guard.open()
         return True
 
     def _insist(self, work: Callable[[], _T]) -> _T | None:

@@ -239,6 +239,16 @@ def test_the_announcement_names_for_which_event_rows_were_asked_for_also_after_a
     assert len(events) == 1
 
 
+def test_a_new_database_is_announced_before_the_first_row(mosquitto, tmp_path):
+    """Later, rows that it has stored would be sent again, and the daemon would warn of a loss that is none."""
+    engine, said = open_database(str(tmp_path / "a.sqlite")), []
+    with publisher(mosquitto.port) as client:
+        client.on_message = lambda _client, _data, message: said.append(message.payload)
+        client.subscribe("acqd/sink/s/status", 1)
+        with running_sink(BrokerAddress(port=mosquitto.port), engine, client_id="s"):
+            wait_for(lambda: any(b'"recall"' in one for one in said), "the event, without a row")
+
+
 def test_a_broker_that_does_not_answer_to_mqtt_5_is_asked_by_3_1_1(tmp_path, monkeypatch):
     """The embedded broker, which the sink does not know to be one."""
     monkeypatch.setattr("acqd.telemetry.subscriber._ANSWER_S", 0.5)
