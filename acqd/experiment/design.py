@@ -94,9 +94,14 @@ class Designed:
         return 0.0 if self.cold else WARM_S / 60
 
     @property
+    def answered(self) -> bool:
+        """Whether what has changed has a name that is not in doubt, and nobody asks for other causes."""
+        return bool(self.question.named) and not self.question.open and not self.asked.causes
+
+    @property
     def needed(self) -> bool:
         """Whether the recordings so far leave a question: by what the loop has said, or by what they can tell."""
-        return self.question.open or self.so_far.right(self.causes) < _SURE
+        return not self.answered and (self.question.open or self.so_far.right(self.causes) < _SURE)
 
     @property
     def unexpected(self) -> bool:

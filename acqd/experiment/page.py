@@ -66,6 +66,9 @@ def headline(designed: Designed) -> str:
     """What the program is worth, in a sentence."""
     now, after = (each.right(designed.causes) for each in (designed.so_far, designed.after))
     minutes = designed.motion.seconds / 60
+    if designed.answered:
+        names = " and ".join(f"{name} ({place})" for name, place in designed.question.named)
+        return f"The name is not in doubt: {names}; no motion has to decide"
     if not designed.needed:
         return f"The recordings so far tell these causes apart ({share(now)}): no motion has to decide"
     if not designed.decides:
@@ -92,6 +95,9 @@ def tile(designed: Designed) -> Verdict:
         KeyFigure("after random motion", share(random), "of the same length"),
     ]
     causes = "; ".join(name_of(cause) for cause in designed.causes)
+    if designed.answered:
+        beside = f"Compared are, beside that name: {causes}. None of them need be there; --cause asks for others."
+        return Verdict("fine", headline(designed), beside, [], [])
     tone: Tone = "found" if designed.decides else "open" if designed.needed else "fine"
     return Verdict(tone, headline(designed), f"Compared are: {causes}.", figures, steps(designed))
 

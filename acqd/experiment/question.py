@@ -214,7 +214,10 @@ def without_intercepts(regression: Regression, contest: Contest, gate: Floats, w
 
 
 def _with_named(rows: Rows, gate: Floats, named: tuple[tuple[str, str], ...]) -> Rows:
-    """Effects that have a name are free columns; one that was detected in the residual has no column beforehand."""
+    """Effects that have a name are free columns, in logged torques, too.
+
+    One that was detected in the residual has no column beforehand.
+    """
     for name, where in named:
         own = [each for each in rows.design.columns.candidates if (each.id, each.label) == (name, where)]
         findings = ranked(rows, gate, own)
@@ -222,6 +225,9 @@ def _with_named(rows: Rows, gate: Floats, named: tuple[tuple[str, str], ...]) ->
             best = findings[0].candidate
             columns = [Column(int(index), gate, owner=best.key) for index in best.indices]
             rows = replace(rows, regression=rows.regression.with_columns(rows.design.blocks, columns))
+            witness, variant = rows.design.witness, best.fitted or best.variant
+            if witness is not None and variant is not None and witness.sees(name):
+                rows = rows.on(replace(rows.design, witness=witness.given(name, variant)))
     return rows
 
 

@@ -5,16 +5,16 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from acqd.experiment.design import Designed, Outlook
+from acqd.experiment.design import Asked, Designed, Outlook
 from acqd.experiment.page import headline, steps
 
 
-def designed(now, after, *, unanswered):
+def designed(now, after, *, unanswered, named=(), asked=()):
     """A program that promises a probability of the right name after, where the recordings so far promise `now`."""
     so_far, then = (Outlook(np.array([share]), [""], ()) for share in (now, after))
-    question = SimpleNamespace(open=unanswered)
+    question = SimpleNamespace(open=unanswered, named=named)
     motion, causes = SimpleNamespace(seconds=120.0), (SimpleNamespace(believed=1.0),)
-    return Designed(question, None, None, False, causes, (), motion, so_far, then, so_far, so_far)
+    return Designed(question, Asked(causes=asked), None, False, causes, (), motion, so_far, then, so_far, so_far)
 
 
 @pytest.mark.parametrize(
@@ -35,3 +35,10 @@ def test_the_page_does_not_call_a_report_settled_that_is_open():
     assert "no motion has to decide" in headline(designed(0.97, 0.98, unanswered=False))
     assert "leaves them open" in headline(designed(0.97, 0.98, unanswered=True))
     assert steps(designed(0.97, 0.98, unanswered=False)) == []
+
+
+def test_a_report_whose_name_is_not_in_doubt_asks_for_no_motion_whatever_else_could_be_there():
+    named = (("payload", "flange"),)
+    program = designed(0.0, 0.0, unanswered=False, named=named)
+    assert "payload (flange)" in headline(program) and not program.needed and steps(program) == []
+    assert designed(0.0, 0.0, unanswered=False, named=named, asked=("gravity_bias",)).needed
