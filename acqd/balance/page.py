@@ -161,7 +161,8 @@ def _verdict(total: Span, years: dict[Cause, Yearly]) -> Verdict:
     ]
     for cause, _ in causes[:3]:
         energy, bounds, cost = year_texts(years[cause])
-        figures.append(KeyFigure(f"{cause.value}, a year", energy, f"{cost}; 95 %: {bounds}"))
+        known = f"95 %: {bounds}" if bounds.endswith("kWh") else bounds
+        figures.append(KeyFigure(f"{cause.value}, a year", energy, known if cost == "-" else f"{cost}; {known}"))
     duty = next(iter(years.values())).duty
     return Verdict(
         "fine", f"Most energy goes into {', '.join(largest)}",
