@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from typing import Any
 
+from acqd.discrepancy.causes.belief import NOTHING
 from acqd.discrepancy.closed import Closed
 from acqd.discrepancy.recordings import Subject
 from acqd.discrepancy.repair.correction import Correction
@@ -49,6 +50,9 @@ def _headline(closed: Closed) -> str:
     if closed.verdict == "unknown_structure":
         return "The power has changed in a way that no known effect explains"
     if closed.verdict == "not_identifiable":
+        belief = causes.believed(closed)
+        if belief is not None and NOTHING in belief.members and belief.probabilities[NOTHING] >= causes.LEAST:
+            return "These recordings cannot tell whether anything has changed"
         return "Something differs, but these recordings cannot tell what"
     return "No credible effect: the model explains the power as far as these recordings show"
 
