@@ -15,6 +15,7 @@ from acqd.report import KeyFigure, Page, Verdict
 from acqd.report.bars import Bar, Bars, ranked
 from acqd.report.digits import FEWEST_FOR_INTERVAL, confidence_interval, counted, interval, number, with_error
 from acqd.report.lines import Chart, Line, Panel
+from acqd.report.verdict import Tone
 
 _SHOWN_S = 60.0
 _MANUAL = ("7x1dim", "14x1dim", "21x1dim")
@@ -83,8 +84,13 @@ def _verdict(comparison: Comparison) -> Verdict:
             1, KeyFigure("next best model", f"{number(rival)} W", f"{number(rival / m.mae, 2)} times the error")
         )
     headline = f"{best.name} predicts the power best: {number(m.mae)} W mean absolute error"
+    tone: Tone = "found"
+    simplest = min(comparison.baselines, key=lambda entry: entry.metrics["everything"].mae, default=best)
+    if (least := simplest.metrics["everything"].mae) < m.mae:
+        headline = f"No model predicts better than {simplest.name}: {number(least)} W, {best.name} {number(m.mae)} W"
+        tone = "open"
     notes = " ".join(f"{note[0].upper()}{note[1:]}." for note in comparison.notes)
-    return Verdict("found", headline, f"Trained on {pictures.kind_label(best.trained_on)}. {notes}".strip(), figures)
+    return Verdict(tone, headline, f"Trained on {pictures.kind_label(best.trained_on)}. {notes}".strip(), figures)
 
 
 def _interval(entry: Entry) -> str:
