@@ -63,11 +63,12 @@ def next_motion(
         return
     screen = terminal(tables=True)
     screen.print(headline(designed))
-    header, rows = table(designed)
-    shown = Table(*header)
-    for row in rows:
-        shown.add_row(*row)
-    screen.print(shown)
+    if not designed.answered:
+        header, rows = table(designed)
+        shown = Table(*header)
+        for row in rows:
+            shown.add_row(*row)
+        screen.print(shown)
     for step in steps(designed):
         screen.print(f"next: {step}")
     screen.print(f"program and report: {folder}")

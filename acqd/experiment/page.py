@@ -33,15 +33,16 @@ def write_page(path: Path, designed: Designed) -> None:
         simulated=question.subject.data.measured == "simulated", kind="next", subject=question.subject.robot.name,
     )  # fmt: skip
     page.verdict(tile(designed))
-    page.bars(_bars(designed), "The mean over the causes, each weighted by its belief.")
-    page.heading("What the recording would tell")
-    page.text(
-        "Probability that the loop names a cause, if that is what has changed: with the recordings so far, after "
-        "the designed motion, and after two other motions of the same length: random motion between measured "
-        "positions, and a D-optimal motion for the parameters of the model. All are expectations of the model; a name "
-        "asks for more, so that they are upper bounds."
-    )
-    page.table(*table(designed))
+    if not designed.answered:
+        page.bars(_bars(designed), "The mean over the causes, each weighted by its belief.")
+        page.heading("What the recording would tell")
+        page.text(
+            "Probability that the loop names a cause, if that is what has changed: with the recordings so far, after "
+            "the designed motion, and after two other motions of the same length: random motion between measured "
+            "positions, and a D-optimal motion for the parameters of the model. All are expectations of the model; a "
+            "name asks for more, so that they are upper bounds."
+        )
+        page.table(*table(designed))
     page.heading("Motion")
     page.text(
         f"{designed.motion.seconds:.0f} s, from and to one position. The session begins with "
