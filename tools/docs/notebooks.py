@@ -18,7 +18,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from acqd.errors import OperationError
+from acqd.errors import OperationError, UserError
 
 NOTEBOOKS = Path(__file__).parents[2] / "docs" / "notebooks"
 MACHINE_PATH = re.compile(r"(?<![\w./])/(?:home|root|tmp|var|work|usr|opt|Users|private)/[\w.+/-]+")
@@ -73,9 +73,12 @@ def _plain(text: str | list[str], folder: Path) -> list[str]:
 
 
 def run(path: Path) -> dict[str, Any]:
-    """Execute a notebook in an empty folder. Raises OperationError."""
-    from nbclient import NotebookClient
-    from nbclient.exceptions import CellExecutionError, CellTimeoutError
+    """Execute a notebook in an empty folder. Raises OperationError; UserError without its programs."""
+    try:
+        from nbclient import NotebookClient
+        from nbclient.exceptions import CellExecutionError, CellTimeoutError
+    except ImportError as error:
+        raise UserError(f"needs {error.name}: make install EXTRA=notebooks") from None
 
     nbformat: Any = import_module("nbformat")
     notebook = nbformat.read(path, as_version=4)
