@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-_SURE = 0.95
+SURE = 0.95
 """Confidence of a name that asks no question; a family is always one."""
 
 
 def settled(effect: dict[str, Any]) -> bool:
     """Whether an effect of report.json has a name that the loop does not doubt."""
-    return bool(effect["confidence"] >= _SURE and not effect["family"]["members"])
+    return bool(effect["confidence"] >= SURE and not effect["family"]["members"])
 
 
 def leaves_open(report: dict[str, Any]) -> bool:

@@ -15,6 +15,7 @@ from acqd.discrepancy.report.cost import cost_of
 from acqd.discrepancy.report.main_parameter import changed_place
 from acqd.discrepancy.report.wander import wandering
 from acqd.discrepancy.selection.accepted import unnamed
+from acqd.discrepancy.settled import SURE
 from acqd.discrepancy.thresholds import OF_THE_LOOP, THRESHOLDS
 from acqd.models.effects import library, unmoved
 from acqd.models.yearly import Duty
@@ -153,14 +154,17 @@ def next_steps(closed: Closed) -> list[str]:
         few = seconds < THRESHOLDS.enough_s
         reason = f"{seconds:.0f} s are too few to distinguish an effect from noise: " if few else ""
         steps.append(f"{reason}record a dozen more recordings of a minute each, with other motions")
-    if closed.subject.reference and (closed.verdict == "not_identifiable" or any(map(_motion_helps, closed.named))):
+    open_question = closed.verdict == "not_identifiable" or any(map(_motion_helps, closed.named))
+    plannable = any(joint.capsules for joint in closed.subject.robot.joint)  # without them collisions are not excluded
+    if closed.subject.reference and open_question and plannable:
         steps.append("or let acqd next, with the folder of this report, design the motion that decides")
     return steps
 
 
 def _motion_helps(each: Reported) -> bool:
     near = [name for name, share in each.alternatives if share > _SHOWN_CONFIDENCE]
-    return _doubted(each) and not unmoved([each.term.id, *near])
+    open_name = each.confidence < SURE or bool(each.family)
+    return open_name and _doubted(each) and not unmoved([each.term.id, *near])
 
 
 def _doubted(each: Reported) -> bool:
