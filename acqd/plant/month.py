@@ -22,6 +22,7 @@ from acqd.energy.periods import Range, boundaries, current, last_range, parse_mo
 from acqd.energy.read import devices, has_rows, stored_span
 from acqd.energy.rules import Rules
 from acqd.energy.tables import standby_share
+from acqd.energy.tariff import QUARTER_S
 from acqd.errors import UserError
 from acqd.fleet import words
 from acqd.plant.plant import Progress, accounts_of
@@ -121,6 +122,12 @@ def read_month(
     if not accounts:
         stored = _stored_months(engine, names, rules.zone)
         remedy = f"rows are stored in {stored}: choose one with --month" if stored else "`acqd sink` stores them"
+        end = min(chosen.end + QUARTER_S, current("month", chosen.begin, rules.zone).end)
+        if any(has_rows(engine, name, chosen.begin, end) for name in names):
+            raise UserError(
+                f"{month_name(chosen, rules.zone)} has rows of the running quarter hour only: they count "
+                "when that is over"
+            )
         raise UserError(f"no device has rows in {month_name(chosen, rules.zone)}; {remedy}")
     accounts.sort(key=lambda account: -(account.total.nWh or 0))
     changes = {name: row for name, row in found.items() if chosen.begin <= (row["since_s"] or 0) < chosen.end}

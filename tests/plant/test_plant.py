@@ -268,6 +268,13 @@ def test_a_month_without_rows_names_those_with_rows(tmp_path):
         read_month(empty, Rules(None, BERLIN), *month_range("2026-02", NOW, BERLIN), {}, lambda *_: None)
 
 
+def test_a_month_that_has_just_begun_says_when_its_rows_count(tmp_path):
+    engine = quarters(tmp_path / "p.sqlite", ("a", "2026-11-01T06:00", "2026-11-01T06:15"))
+    chosen, earlier = month_range("2026-11", unix("2026-11-01T06:00"), BERLIN)
+    with pytest.raises(UserError, match="2026-11 has rows of the running quarter hour only"):
+        read_month(engine, Rules(None, BERLIN), chosen, earlier, {}, lambda *_: None)
+
+
 def test_a_month_of_one_day_shows_a_bar(tmp_path):
     engine = quarters(tmp_path / "p.sqlite", ("a", "2026-11-01", "2026-11-01T06:00"))
     read = read_month(engine, Rules(None, BERLIN), *month_range("2026-11", unix("2026-11-01T06:00"), BERLIN), {},
