@@ -39,7 +39,8 @@ def sentence(rows: int, step_s: float) -> str:
     """What a user should know of so many rows; empty for 0."""
     if not rows:
         return ""
+    counted, verb = ("1 row", "is") if rows == 1 else (f"{rows} rows", "are")
     return (
-        f"{rows} rows of {1000 * step_s:.0f} ms at its ends are in motion: their accelerations are not known, and "
-        "their power is not used"
+        f"{counted} of {1000 * step_s:.0f} ms at its ends {verb} in motion: accelerations are not known there, and "
+        "power is not used"
     )
