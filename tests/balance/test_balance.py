@@ -64,6 +64,14 @@ def test_the_page_is_one_file_with_both_pictures(told):
     assert "mains: " in text and "given back" in text and "joint 6" in text
 
 
+def test_tiles_without_a_tariff_show_neither_a_dash_nor_an_interval_that_is_none(tmp_path):
+    done = acqd_here(*CAUSES, "--html", tmp_path / "c.html")
+    text = (tmp_path / "c.html").read_text()
+    assert done.returncode == 0, done.stderr
+    assert "standby, a year" in text and "-; " not in text and "95 %: no interval" not in text
+    assert "95 %: constant" not in text
+
+
 def test_days_of_local_time(told):
     done = acqd_here(*CAUSES, "--by", "day", "--zone", "Europe/Berlin", "--json")
     said = json.loads(done.stdout)
