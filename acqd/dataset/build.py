@@ -41,7 +41,8 @@ _CONFIRMED = 0.75
 """Share of the logs that must be placed where no common clock confirms their places."""
 _CAUSES = (
     "Otherwise the logs may be of another robot (--robot), an axis may have another sign, zero or place in the order "
-    "than in the description, their rows may be in reverse order of time, or the meter may average or repeat its values"
+    "than in the description, the angles another unit (degrees, turns), their rows may be in reverse order of time, or "
+    "the meter may average or repeat its values"
 )
 _SQLITE = "sqlite:///"
 _Progress = Callable[[str, float], None]
