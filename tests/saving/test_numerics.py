@@ -92,8 +92,9 @@ def test_energy_has_the_slope_that_the_search_uses(path, monkeypatch):
     assert np.abs(seen["slope"] - seen["by differences"]).max() < 2e-3 * np.abs(seen["slope"]).max()
 
 
+_SECONDS = st.integers(500, 9000).map(lambda milliseconds: milliseconds / 1000)  # apart by more than rounding
 _CURVES = st.lists(
-    st.lists(st.tuples(st.floats(0.5, 9), st.floats(0, 50)), min_size=1, max_size=5, unique_by=lambda each: each[0]),
+    st.lists(st.tuples(_SECONDS, st.floats(0, 50)), min_size=1, max_size=5, unique_by=lambda each: each[0]),
     min_size=1, max_size=4,
 )  # fmt: skip
 

@@ -1,8 +1,10 @@
-"""How much memory one input took at most: the high-water mark of Linux."""
+"""How much memory one input took at most: the high-water mark of Linux.
+
+That of the memory of today: `ru_maxrss` never falls below the mark of the process that this one was forked from.
+"""
 
 from __future__ import annotations
 
-import resource
 from pathlib import Path
 
 from tools.studies.fuzz.mutate import Files
@@ -23,10 +25,7 @@ class Peak:
 
     def excess(self, files: Files) -> str:
         """What to say of an input that took more than `FACTOR` times its size of memory; empty for all others."""
-        took, size = (
-            resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 - self._floor,
-            sum(map(len, files.values())),
-        )
+        took, size = _mark() - self._floor, sum(map(len, files.values()))
         if took > _NEWS:
             self._floor = _reset()
         return f"more than {FACTOR} times the input's size of memory" if took > FACTOR * size + ALLOWANCE else ""
@@ -35,4 +34,11 @@ class Peak:
 def _reset() -> int:
     """Make the memory in use the high-water mark [bytes]."""
     Path("/proc/self/clear_refs").write_text("5")
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+    return _mark()
+
+
+def _mark() -> int:
+    """The high-water mark [bytes]."""
+    status = Path("/proc/self/status").read_bytes()
+    at = status.index(b"VmHWM:") + len(b"VmHWM:")
+    return int(status[at : status.index(b"kB", at)]) * 1024
