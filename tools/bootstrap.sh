@@ -185,7 +185,7 @@ slow)
     ;;
 test)
     install_tests
-    [ $# -gt 0 ] || say "lint, types, layers and tests: about eight minutes on two idle cores, twelve with all slow tests"
+    [ $# -gt 0 ] || say "lint, types, layers and tests: seven to nine minutes on two idle cores, fourteen with all slow tests"
     begun=$(date +%s)
     complaints=$(mktemp)
     # while tests wait for devices and brokers there is time for the checks

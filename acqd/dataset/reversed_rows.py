@@ -1,4 +1,4 @@
-"""Whether rows are in reverse order of time: an export of the newest row first, whose times were made anew.
+"""Whether rows are in reverse order of time: an export of the newest row first, whose times were written new.
 
 Friction and copper losses do not know the direction of time, but lifting and lowering, speeding up and braking do. The
 regression of the power that judges the order of the axes judges the order of the rows: its weights of

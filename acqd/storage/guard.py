@@ -153,7 +153,7 @@ class Guard:
         return begin if page > _FRAME and begin >= _HEAD and self._page_at(begin) else 0
 
     def _note_log(self, about: dict[Any, Any]) -> None:
-        """After a commit, which may have begun the log anew, and may be most of it."""
+        """After a commit, which may have restarted the log, and may be most of it."""
         if self._path is not None and (log := self._stat(self._log)) is not None:
             about[_LOG], self._head = log.size, self._head_of_log()
 

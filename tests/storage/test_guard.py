@@ -362,15 +362,24 @@ def test_a_log_that_was_deleted_costs_no_row(tmp_path, suffixes, name):
     assert count(open_database(str(path))) == 3 and not writer.guard.restored
 
 
+def with_a_log(folder):
+    """A database whose tables are in the file, the place of its log, a writer, and the writer's engine."""
+    path = folder / "a.sqlite"
+    engine = open_database(str(path))
+    engine.dispose()
+    return path, path.with_name("a.sqlite-wal"), Writer(engine), engine
+
+
+def assert_sound(path):
+    with contextlib.closing(sqlite3.connect(path)) as connection:
+        assert connection.execute("PRAGMA integrity_check").fetchone() == ("ok",)
+
+
 @pytest.mark.parametrize("viewed", [False, True])
 @pytest.mark.parametrize("left", [0.0, 0.5, 1.0])
 def test_a_log_that_was_cut_off_is_noticed_before_a_receipt_and_what_it_lacks_is_asked_for(tmp_path, left, viewed):
     """`truncate`, or a rotation of logs that copies and truncates: SQLite would go on behind the hole."""
-    path = tmp_path / "a.sqlite"
-    log = path.with_name("a.sqlite-wal")
-    engine = open_database(str(path))
-    engine.dispose()  # the tables are in the file
-    writer = Writer(engine)
+    path, log, writer, _ = with_a_log(tmp_path)
     writer.write([message(row(k)) for k in range(100)])
     viewer = read_database(str(path))
     seen = viewer.connect() if viewed else None  # keeps the index of the log, and with it what SQLite believes of it
@@ -393,18 +402,13 @@ def test_a_log_that_was_cut_off_is_noticed_before_a_receipt_and_what_it_lacks_is
     assert (writer.guard.recall > recalled) == (kept < 102) == (left < 1)
     writer.write([message(row(k)) for k in range(102)])
     assert count(open_database(str(path))) == 102
-    with contextlib.closing(sqlite3.connect(path)) as connection:
-        assert connection.execute("PRAGMA integrity_check").fetchone() == ("ok",)
+    assert_sound(path)
 
 
 @pytest.mark.parametrize("left", [0.0, 0.6])
 def test_rows_of_a_commit_that_leaves_a_hole_in_the_log_have_no_receipt(tmp_path, left):
-    path = tmp_path / "a.sqlite"
-    engine = open_database(str(path))
-    engine.dispose()
-    writer = Writer(engine)
+    path, log, writer, engine = with_a_log(tmp_path)
     writer.write([message(row(k)) for k in range(100)])
-    log = path.with_name("a.sqlite-wal")
 
     def cut(_):
         os.truncate(log, int(log.stat().st_size * left))
@@ -414,20 +418,15 @@ def test_rows_of_a_commit_that_leaves_a_hole_in_the_log_have_no_receipt(tmp_path
         writer.write([message(row(100))])
     writer.write([message(row(k)) for k in range(101)])
     assert count(open_database(str(path))) == 101
-    with contextlib.closing(sqlite3.connect(path)) as connection:
-        assert connection.execute("PRAGMA integrity_check").fetchone() == ("ok",)
+    assert_sound(path)
 
 
-@pytest.mark.parametrize("anew", [False, True])
+@pytest.mark.parametrize("restarted", [False, True])
 @pytest.mark.parametrize("left", [0.0, 0.3, 0.6])
-def test_a_log_that_is_cut_off_after_a_batch_that_is_most_of_it_is_noticed(tmp_path, left, anew):
-    """`anew`: the batch has begun the log again, as SQLite does where the file has all of it."""
-    path = tmp_path / "a.sqlite"
-    log = path.with_name("a.sqlite-wal")
-    engine = open_database(str(path))
-    engine.dispose()
-    writer = Writer(engine)
-    if anew:
+def test_a_log_that_is_cut_off_after_a_batch_that_is_most_of_it_is_noticed(tmp_path, left, restarted):
+    """`restarted`: the batch has begun the log again, as SQLite does where the file has all of it."""
+    path, log, writer, _ = with_a_log(tmp_path)
+    if restarted:
         writer.write([message(row(k)) for k in range(600)])
         with contextlib.closing(sqlite3.connect(path)) as connection:
             connection.execute("PRAGMA wal_checkpoint")
@@ -436,9 +435,8 @@ def test_a_log_that_is_cut_off_after_a_batch_that_is_most_of_it_is_noticed(tmp_p
     with pytest.raises(DatabaseAwayError, match=r"\(-wal\) became shorter"):
         writer.write([message(row(1200))])
     writer.write([message(row(1200))])
-    assert writer.guard.restored == 1 and count(open_database(str(path))) == (601 if anew else 1)
-    with contextlib.closing(sqlite3.connect(path)) as connection:
-        assert connection.execute("PRAGMA integrity_check").fetchone() == ("ok",)
+    assert writer.guard.restored == 1 and count(open_database(str(path))) == (601 if restarted else 1)
+    assert_sound(path)
 
 
 def test_a_log_that_was_cut_off_takes_no_row_before_the_full_disk_takes_a_copy_of_it(tmp_path, monkeypatch):
@@ -464,5 +462,4 @@ def test_a_log_that_was_cut_off_takes_no_row_before_the_full_disk_takes_a_copy_o
         writer.write([message(row(100))])
     writer.write([message(row(k)) for k in range(101)])
     assert count(open_database(str(path))) == 101
-    with contextlib.closing(sqlite3.connect(path)) as connection:
-        assert connection.execute("PRAGMA integrity_check").fetchone() == ("ok",)
+    assert_sound(path)

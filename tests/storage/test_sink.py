@@ -240,7 +240,7 @@ def test_the_announcement_names_for_which_event_rows_were_asked_for_also_after_a
 
 
 def test_a_new_database_is_announced_before_the_first_row(mosquitto, tmp_path):
-    """Later, rows that it has stored would be sent again, and the daemon would warn of a loss that is none."""
+    """Later, rows that it has stored would be sent again, and the daemon would warn of a loss that has not happened."""
     engine, said = open_database(str(tmp_path / "a.sqlite")), []
     with publisher(mosquitto.port) as client:
         client.on_message = lambda _client, _data, message: said.append(message.payload)
