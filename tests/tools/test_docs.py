@@ -9,6 +9,7 @@ import typer.main
 
 import acqd
 from acqd.cli.commands import command_tree
+from tests.places import ROOT
 from tools.docs.commands import all_commands
 from tools.docs.manpages import write_man_pages
 from tools.docs.reference import api, commands
@@ -72,3 +73,15 @@ def test_the_site_builds_without_warnings(tmp_path):
     pytest.importorskip("material")
     build_site(tmp_path / "site")
     assert "close-loop" in (tmp_path / "site" / "reference" / "commands.html").read_text()
+
+
+def test_the_next_version_is_described_in_a_page_that_users_read():
+    """The rules of CONTRIBUTING.md: few lines, by kind, what users have to act on first."""
+    text = (ROOT / "CHANGELOG.md").read_text()
+    unreleased = text.split("\n## ")[1]
+    parts = [line.removeprefix("### ") for line in unreleased.splitlines() if line.startswith("### ")]
+    order = ["When you upgrade", "Added", "Changed", "Fixed"]
+    assert unreleased.startswith("Unreleased\n") and parts == [part for part in order if part in parts]
+    assert len(unreleased.splitlines()) <= 100
+    long = [entry for entry in unreleased.split("\n- ")[1:] if len(entry.split("\n\n")[0].splitlines()) > 3]
+    assert not long
