@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from acqd.arrays import Floats
-from acqd.discrepancy.causes.belief import OUTSIDE, Belief, shipped
+from acqd.discrepancy.causes.belief import NOTHING, OUTSIDE, Belief, shipped
 from acqd.discrepancy.selection.judging import kinds_of
 from acqd.discrepancy.selection.ranking import Finding, Rows, bounds_of, part_of, prior_of, ranked
 from acqd.discrepancy.selection.spread import More, variances_of_sessions
@@ -76,18 +76,28 @@ def beliefs(labels: Sequence[str], evidence: Floats, moved: float, believed: Bel
     return np.asarray(shares / shares.sum())
 
 
+def share_compared(labels: Sequence[str], believed: Belief | None) -> float:
+    """What the report believes of these causes together, where something has changed; 1 without a report's belief."""
+    if believed is None:
+        return 1.0
+    together = sum(believed.probabilities.get(label, 0.0) for label in set(labels))
+    return together / max(1 - believed.probabilities.get(NOTHING, 0.0), together, 1e-9)
+
+
 def causes_of(
-    known: Rows, rows: Rows, exists: Floats, leading: list[Finding], believed: Belief | None
+    known: Rows, rows: Rows, exists: Floats, leading: list[Finding], believed: Belief | None, *, asked: bool
 ) -> tuple[Cause, ...]:
     """With the report's belief, or one by the calibrated scale of evidence (ADR 65).
 
-    `known`: the recordings that exist; `rows`: those and the pieces, in which a law has other columns.
+    `known`: the recordings that exist; `rows`: those and the pieces, in which a law has other columns. `asked`: the
+    engineer compares these causes only.
     """
     gate = known.design.columns.in_question
     evidence = np.array([finding.evidence for finding in leading])
     scale = shipped().scale
     moved = scale.chance + scale.columns * THRESHOLDS.column_error**2 * max(float(evidence.max()), 0.0)
-    shares = beliefs([_label(finding) for finding in leading], evidence, moved, believed)
+    labels = [_label(finding) for finding in leading]
+    shares = beliefs(labels, evidence, moved, believed) * (1.0 if asked else share_compared(labels, believed))
     units = [replace(finding, coefficients=_unit(finding)) for finding in leading]
     columns = known.design.columns
     days = len({columns.segments[part.segment].session for part in columns.parts if part.in_question})
@@ -106,7 +116,7 @@ def causes_of(
         causes.append(
             Cause(
                 candidate, candidate.weights(theta), float(finding.coefficients[0]) if single else 1.0,
-                float(finding.deviation[0]) if single else _along(known, gate, unit),
+                float(np.hypot(finding.deviation[0] if single else _along(known, gate, unit), spread[0] ** 0.5)),
                 (float(low[0]), float(high[0])) if single else (-np.inf, np.inf),
                 prior_of(known.design, finding.candidate), finding.evidence, share, spread, after,
             )

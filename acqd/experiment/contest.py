@@ -4,16 +4,18 @@ The rules are those of the selection. With all other columns projected out, a ca
 of its size, and a rival explains the share rho^2 of it (`ability.pairs`). The cause is told
 
 - from nothing, if its estimate passes what evidence and differences of unchanged sessions ask (`ability.smallest`);
-- from a rival, if u^2 (1 - kappa^2 / (1 - rho^2)), and what the rival pays more, exceed 2 log(kinds / pi). There
-  u^2 = s theta^2 (1 - rho^2) is twice the expected log Bayes factor between the two, which scatters by 2 u (Vuong
-  1989);
-- from a law without a name, unless the law is ahead by that margin: names are preferred (ADR 26).
+- from a rival, if the lead u^2, and what the rival pays more, exceed the margin 2 log(kinds / pi) + kappa^2 s theta^2,
+  and the least confidence beside the rival (`selection.confidence`). There u^2 = s theta^2 (1 - rho^2) is twice the
+  expected log Bayes factor between the two, which scatters by 2 u (Vuong 1989), and by what sessions differ by;
+- from a law without a name, unless the law is ahead by that margin: names are preferred (ADR 26);
+- by recordings that are held out, which have to be likelier with the cause (`repair.guard`, `repair.correcting`).
 
-The closest rival decides: the distance to it, in standard deviations, is the criterion of T-optimal designs (Atkinson
-and Fedorov 1975). The right name has the probability of that distance, over the causes by what they are believed and
-over their sizes by their posterior (ADR 49). A program is chosen by the same sum with a heavier tail, Student's t with
-two degrees of freedom: the distance of a design is an estimate, so that a lead of ten deviations is worth more than one
-of three, and a cause that no motion can tell does not decide which program the others get (ADR 106).
+The closest failure decides: the distance to it, in standard deviations, is the criterion of T-optimal designs (Atkinson
+and Fedorov 1975). The right name has the probability of that distance by Student's t, times 1 - pi, as the loop's
+confidence has (ADR 103), over the causes by what they are believed and over their sizes by their posterior (ADR 49). A
+program is chosen by the same sum with a heavier tail, Student's t with two degrees of freedom: the distance of a design
+is an estimate, so that a lead of ten deviations is worth more than one of three, and a cause that no motion can tell
+does not decide which program the others get (ADR 106).
 """
 
 from __future__ import annotations
@@ -25,7 +27,6 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cholesky, solve_triangular
-from scipy.special import ndtr
 
 from acqd import student
 from acqd.arrays import Floats
@@ -52,7 +53,7 @@ class Cause:
     size: float
     """Posterior mean, in the unit of the parameter; 1 for several parameters."""
     deviation: float
-    """Posterior standard deviation."""
+    """Posterior standard deviation, what sessions differ by included."""
     bounds: tuple[float, float]
     """Physical bounds of the size."""
     priors: Floats
@@ -60,7 +61,7 @@ class Cause:
     evidence: float
     """Twice the log Bayes factor against nothing in the recordings so far."""
     believed: float
-    """Share of belief among the causes that are compared."""
+    """Probability where something has changed; the rest is that of causes that are not compared."""
     between_sessions: tuple[float, float]
     """Variance of the size where nothing has changed, and its degrees of freedom."""
     with_another: tuple[float, float]
@@ -88,13 +89,15 @@ class Contest:
     """[own] of the priors of the regression's columns."""
     learning_rate: float
     kinds: int
+    recordings: int
+    """In question so far."""
     another: bool = False
     """Whether moments hold another session beside the recordings so far."""
 
     @classmethod
     def of(
         cls, causes: tuple[Cause, ...], rivals: Sequence[Candidate], priors: Sequence[Floats], precision: Floats,
-        learning_rate: float, kinds: int,
+        learning_rate: float, kinds: int, recordings: int,
     ) -> Contest:  # fmt: skip
         """`priors`: per rival [parameters] its prior deviations; `precision` [own] of the regression's columns."""
         used = np.unique(np.concatenate([each.indices for each in [*rivals, *(cause.candidate for cause in causes)]]))
@@ -103,12 +106,14 @@ class Contest:
         leads = np.array([[not rival.id and bool(cause.candidate.id) for cause in causes] for rival in rivals])
         return cls(
             causes, tuple(rivals), used, _grouped(used, rivals, priors), same.reshape(shape), leads.reshape(shape),
-            precision, learning_rate, kinds,
+            precision, learning_rate, kinds, recordings,
         )  # fmt: skip
 
     def probabilities(self, moments: Moments) -> Floats:
-        """[causes] probability that the loop names a cause where that is what has changed."""
-        return np.array([float(weights @ ndtr(z)) for z, weights in self._distances(moments)])
+        """[causes] probability that the loop names a cause where that is what has changed; at most 1 - pi."""
+        pairs = zip(self.causes, self._distances(moments), strict=True)
+        wins = [float(weights @ student.cdf(z, self._between(cause)[1])) for cause, (z, weights) in pairs]
+        return (1 - THRESHOLDS.chance) * np.array(wins)
 
     def score(self, moments: Moments) -> float:
         """What a design is worth: the expected probability of the right name by a distance that is an estimate."""
@@ -150,12 +155,12 @@ class Contest:
     def _distance(
         self, schur: Floats, cause: Cause, explained: Floats, complexity: Floats, leads: NDArray[np.bool_]
     ) -> Floats:
-        """[sizes] to the closest failure: too little evidence, or a rival."""
+        """[sizes] to the closest failure: too little evidence, a rival, or recordings that are held out."""
         precision = self._precision(schur, cause)
         theta = np.abs(cause.sizes()[0])
         if precision < self.learning_rate * LEAST_POWER:
             return np.full(len(theta), _NEVER)
-        variance, freedom = cause.with_another if self.another else cause.between_sessions
+        variance, freedom = self._between(cause)
         chance = by_chance(self.kinds)
         improbable = _improbable(chance, freedom)
         least = max(
@@ -163,7 +168,7 @@ class Contest:
         )
         alone = (theta - least) / np.sqrt(1 / precision + variance)
         beside = self._beside(schur, cause, explained, complexity, leads).min(axis=0, initial=np.inf)
-        return np.asarray(np.maximum(np.minimum(alone, beside), _NEVER))
+        return np.asarray(np.maximum(np.minimum.reduce([alone, beside, _held_out(cause, precision)]), _NEVER))
 
     def _beside(
         self, schur: Floats, cause: Cause, explained: Floats, complexity: Floats, leads: NDArray[np.bool_]
@@ -173,15 +178,27 @@ class Contest:
         Per rival: `explained` share of the cause's evidence, `complexity` that the rival pays, and whether the rival
         has to be ahead by the margin (`leads`).
         """
-        precision, chance = self._precision(schur, cause), by_chance(self.kinds)
+        precision, theta = self._precision(schur, cause), cause.sizes()[0]
         left = np.maximum(1 - explained, 1e-9)[:, None]
-        evidence = precision * cause.sizes()[0] ** 2
+        evidence = precision * theta**2
         u = np.sqrt(evidence * left)
+        ahead = u**2 + complexity[:, None] - self._pays(schur, cause)
+        scatter = np.maximum(2 * u * np.sqrt(1 + precision * left * self._between(cause)[0]), 1e-9)
         # what wrong columns may move; a law draws of a cause what it explains of the cause
-        moved = THRESHOLDS.column_error**2 * evidence * np.where(leads, explained, -1.0)[:, None]
-        favour = np.where(leads, chance, -chance)[:, None]
-        net = u**2 + moved + complexity[:, None] - self._pays(schur, cause) + favour
-        return np.where(explained[:, None] > 0, net / np.maximum(2 * u, 1e-9), np.inf)
+        moved = THRESHOLDS.column_error**2 * evidence * np.where(leads, explained, 1.0)[:, None]
+        margin, wide = by_chance(self.kinds) + moved, np.hypot(scatter, moved / THRESHOLDS.interval_width)
+        least = np.where(leads[:, None], self._sure * wide - margin, np.maximum(margin, self._sure * wide))
+        return np.where(explained[:, None] > 0, (ahead - least) / scatter, np.inf)
+
+    @property
+    def _sure(self) -> float:
+        """Errors by which a lead has to exceed zero for the least confidence, as `selection.confidence` asks."""
+        wins = THRESHOLDS.least_confidence / (1 - THRESHOLDS.chance)
+        return float(student.ppf(wins, self.recordings - 1 + THRESHOLDS.few_sessions))
+
+    def _between(self, cause: Cause) -> tuple[float, float]:
+        """Variance of the cause's size between sessions, and its degrees of freedom."""
+        return cause.with_another if self.another else cause.between_sessions
 
     def _precision(self, schur: Floats, cause: Cause) -> float:
         """Of the size of a cause, everything that the regression knows projected out."""
@@ -259,6 +276,18 @@ def _grouped(used: Indices, rivals: Sequence[Candidate], priors: Sequence[Floats
             )
         )  # fmt: skip
     return tuple(groups)
+
+
+def _held_out(cause: Cause, precision: float) -> Floats:
+    """[sizes] distance to held-out recordings that are no likelier with the cause.
+
+    They are one to `held_out_every - 1` of those that `precision` is from. What the posterior of the size pays there is
+    the logarithm of both; a law has to be likelier by what chance gives.
+    """
+    every = THRESHOLDS.held_out_every
+    least = np.log(every / (every - 1)) if cause.candidate.id else by_chance(1)
+    u = np.maximum(np.abs(cause.sizes()[0]) * np.sqrt(precision / (every - 1)), 1e-9)
+    return np.asarray((u**2 - least) / (2 * u))
 
 
 @cache

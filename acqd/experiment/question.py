@@ -152,7 +152,12 @@ def opened(
     )
     candidates = [each for each in rows.design.columns.candidates if each.id not in out]
     causes = causes_of(
-        known, rows, exists, leading_causes(findings, known, asked, question.believed), question.believed
+        known,
+        rows,
+        exists,
+        leading_causes(findings, known, asked, question.believed),
+        question.believed,
+        asked=bool(asked),
     )
     return Open(rows, exists, pieces, _contest(rows, exists, causes, candidates))
 
@@ -251,4 +256,6 @@ def _contest(rows: Rows, so_far: Floats, causes: tuple[Cause, ...], candidates: 
 def _compared(rows: Rows, causes: tuple[Cause, ...], rivals: list[Candidate], kinds: int) -> Contest:
     own = np.array([not column.block_intercept for column in rows.regression.columns])
     priors = [prior_of(rows.design, rival) for rival in rivals]
-    return Contest.of(causes, rivals, priors, rows.regression.precision[own], rows.learning_rate, kinds)
+    in_question = {part.recording for part in rows.design.parts if part.in_question}
+    recordings = sum(not name.startswith(PLANNED) for name in in_question)
+    return Contest.of(causes, rivals, priors, rows.regression.precision[own], rows.learning_rate, kinds, recordings)

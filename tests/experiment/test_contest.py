@@ -7,6 +7,7 @@ import pytest
 
 from acqd.discrepancy.regression.design_columns import Candidate
 from acqd.discrepancy.regression.least_squares import Moments
+from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.experiment.choice import after, chosen, d_optimal, filled
 from acqd.experiment.contest import Cause, Contest, together
 
@@ -23,7 +24,7 @@ def cause(size=1.0, deviation=1e-6, between=0.0):
 
 def contest(rivals=(RIVAL,), learning_rate=1.0, **more):
     priors = [np.full(len(rival.indices), 10.0) for rival in rivals]
-    return Contest.of((cause(**more),), rivals, priors, np.array([1e-6]), learning_rate, 20)
+    return Contest.of((cause(**more),), rivals, priors, np.array([1e-6]), learning_rate, 20, 8)
 
 
 def moments(rows, alike, used):
@@ -36,14 +37,15 @@ def probability(compared, of):
     return float(compared.probabilities(of)[0])
 
 
-def test_more_rows_make_a_name_likelier_up_to_certainty():
-    values = [probability(contest(), moments(rows, 0.5, 2)) for rows in (1, 20, 60, 2000)]
-    assert values == sorted(values) and values[0] < 0.01 and values[-1] > 0.999
+def test_more_rows_make_a_name_likelier_up_to_what_the_loop_can_say():
+    values = [probability(contest(), moments(rows, 0.5, 2)) for rows in (1, 20, 60, 20_000)]
+    most = 1 - THRESHOLDS.chance
+    assert values == sorted(values) and values[0] < 0.01 and 0.999 * most < values[-1] <= most
 
 
 def test_a_rival_that_looks_alike_keeps_a_name_from_being_likely():
     apart, alike = (probability(contest(), moments(100, share, 2)) for share in (0.3, 0.995))
-    assert apart > 0.99
+    assert apart > 0.95
     assert alike < 0.01
     assert contest().closest(moments(100, 0.995, 2)) == ["gravity_bias (link 6)"]
 
@@ -53,7 +55,7 @@ def test_no_number_of_rows_tells_columns_apart_that_differ_by_less_than_their_er
 
 
 def test_another_place_of_the_same_effect_is_no_rival():
-    assert probability(contest(rivals=(OTHER_PLACE,)), moments(100, 0.999, 2)) > 0.99
+    assert probability(contest(rivals=(OTHER_PLACE,)), moments(100, 0.999, 2)) > 0.95
 
 
 def test_sizes_that_unchanged_sessions_differ_by_are_not_named():
@@ -146,7 +148,7 @@ def test_a_cause_that_no_motion_tells_does_not_choose_the_motion_for_the_others(
     twin = replace(RIVAL, indices=np.array([3]), id="twin", key="twin")
     both = Contest.of(
         tuple(replace(each, believed=0.5) for each in (cause(), hidden)), (RIVAL, twin), [np.full(1, 10.0)] * 2,
-        np.array([1e-6]), 1.0, 20,
+        np.array([1e-6]), 1.0, 20, 8,
     )  # fmt: skip
 
     def piece(rows, of_hidden, alike):
@@ -176,9 +178,9 @@ def test_a_law_takes_the_place_of_a_name_only_where_the_law_is_ahead_by_the_marg
     law = replace(RIVAL, id="", label="a friction of another curve")
     alike = moments(100, 0.9999, 2)
     assert probability(contest(), alike) < 0.01  # an effect that looks alike
-    assert probability(contest(rivals=(law,)), alike) > 0.99
+    assert probability(contest(rivals=(law,)), alike) > 0.95
     unnamed = replace(contest().causes[0], candidate=replace(CAUSE, id="", label="another law"))
-    among_laws = Contest.of((unnamed,), (law,), [np.full(1, 10.0)], np.array([1e-6]), 1.0, 20)
+    among_laws = Contest.of((unnamed,), (law,), [np.full(1, 10.0)], np.array([1e-6]), 1.0, 20, 8)
     assert probability(among_laws, alike) < 0.01  # nothing is preferred
 
 

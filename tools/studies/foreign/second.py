@@ -5,23 +5,29 @@
 
 Takes the open cases that `tools.studies.foreign OUT` has judged: one effect of the library is hidden, and the loop
 named nothing, or something else, or a family. For each: the motion that `acqd next` designs, the pieces of its first
-third, a D-optimal motion of equal length from the same pieces, and random motion of the generator's kind, also `--long`
-minutes of it. Gears are as warm as the design asks for in the first three, and cold before random motion, as in the
-first session. The foreign plant executes each with the same hidden effect, and the loop judges both sessions together.
-Right: the effect, without a family. What is there is not made again; a case that acqd names rightly after the first
-session is left out.
+third, a D-optimal motion of equal length from the same pieces, and random motion of the generator's kind, also a third
+of its minutes and `--long` ones. Gears are as warm as the design asks for in the first three, and cold before random
+motion, as in the first session. The foreign plant executes each with the same hidden effect, and the loop judges both
+sessions together. Right: the effect, without a family. What is there is not made again, so that an interrupted run
+continues; a case that acqd names rightly after the first session is left out.
+
+Printed are the shares of right answers by kind and minutes of motion, the least random motion that names as many as a
+designed one, and the promises beside the shares that were right.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import math
 import os
 import sys
+import time
 from collections import Counter
 from collections.abc import Sequence
 from fnmatch import fnmatch
 from pathlib import Path
+from statistics import fmean
 from typing import Any
 
 import orjson
@@ -49,7 +55,9 @@ from tools.studies.foreign.steps import StepError
 
 _CUT_S = 45
 """Length of the recordings that a long one is cut into."""
-ARMS = ("designed", "third", "d_optimal", "random", "long")
+ARMS = ("designed", "third", "d_optimal", "random", "random_third", "long")
+_NAME = {"name": "id", "confidence": "confidence"}
+_PROMISED = ("now", "designed", "d_optimal", "random")
 
 
 def options() -> argparse.Namespace:
@@ -110,24 +118,24 @@ class Second:
         first = self.folder / "first"
         self.runner.prepare()
         self._build(self.runner.data / self.case.name, first)
-        said = {"now": answer(self._closed(first))}
-        if said["now"] == "right":
+        said = {"now": _said(self._closed(first))}
+        if said["now"]["answer"] == "right":
             return None
-        begun_s = os.times().user
+        begun, begun_s = os.times(), time.perf_counter()
         designed = next_motion(first / "loop", Asked(minutes, share_of_speed=1.0), lambda *_: None)
-        design_s = os.times().user - begun_s
+        ended, wall_s = os.times(), time.perf_counter() - begun_s
         motions = self._motions(designed, minutes, long_min)
         for name, motion in ((name, motions[name]) for name in arms if name in motions):
             session = self.folder / name
             worked_min = 0.0 if isinstance(motion, foreign.Plan) else designed.worked_min
             files = make_second(self.world, self.case, session / "data", truth, name, motion, worked_min)
             self._build(files, session, _CUT_S, worked_min)
-            said[name] = answer(self._closed(first, session))
-        promised = {"now": designed.so_far, "designed": designed.after, "d_optimal": designed.for_parameters}
+            said[name] = _said(self._closed(first, session))
+        outlooks = designed.so_far, designed.after, designed.for_parameters, designed.random
         row = {
-            "world": self.world.name, "case": self.case.name, "seconds": designed.motion.seconds, "design_s": design_s,
-            "said": said,
-            "promised": {name: each.right(designed.causes) for name, each in promised.items()},
+            "world": self.world.name, "case": self.case.name, "seconds": designed.motion.seconds,
+            "design_cpu_s": ended.user + ended.system - begun.user - begun.system, "design_wall_s": wall_s, "said": said,
+            "promised": {name: each.right(designed.causes) for name, each in zip(_PROMISED, outlooks, strict=True)},
             "compared": [cause.candidate.id or cause.candidate.label for cause in designed.causes],
             "decides": designed.decides, "begins": "cold" if designed.cold else "warm",
         }  # fmt: skip
@@ -143,9 +151,10 @@ class Second:
             if pieces:
                 motion = motion_of(designed.space, tuple(step for piece in pieces for step in piece.steps))
                 found[name] = foreign.given(*(rows[::every] for rows in (motion.q, motion.qd, motion.qdd)))
-        for name, length in (("random", minutes), ("long", long_min)):
+        for name, length in (("random", minutes), ("random_third", minutes / 3), ("long", long_min)):
             if length:
-                found[name] = foreign.Plan(round(60 * length / _CUT_S), float(_CUT_S))
+                count = math.ceil(60 * length / _CUT_S)
+                found[name] = foreign.Plan(count, 60 * length / count)
         return found
 
     def _build(self, files: Path, session: Path, cut_s: float | None = None, worked_min: float = 0.0) -> None:
@@ -163,6 +172,13 @@ class Second:
             folder.mkdir(parents=True, exist_ok=True)
             file.write_bytes(orjson.dumps(report, option=orjson.OPT_SERIALIZE_NUMPY))
         return self.result | {"report": json.loads(file.read_text())}
+
+
+def _said(result: Result) -> dict[str, Any]:
+    """The answer, with the first name and its confidence."""
+    first = next(iter(result["report"]["effects"]), None)
+    named = {"name": None, "confidence": None} if first is None else {key: first[of] for key, of in _NAME.items()}
+    return {"answer": answer(result), **named}
 
 
 def first_pieces(pieces: Sequence[Piece], seconds: float) -> tuple[Piece, ...]:
@@ -190,15 +206,49 @@ def main() -> None:
     if given.json:
         print(json.dumps({"simulated": True, "cases": rows}))
         return
-    table = Table("case (simulated)", "compared", "now", *arms, "promised now / designed / D-optimal")
+    _print(rows, arms, given.minutes, given.long)
+
+
+def _print(rows: list[dict[str, Any]], arms: Sequence[str], minutes: float, long_min: float) -> None:
+    table = Table("case (simulated)", "compared", "now", *arms, "promised now / designed / D-optimal / random")
     for row in rows:
-        promised = " / ".join(percent(value) for value in row["promised"].values())
-        said = [row["said"].get(name, "-") for name in ("now", *arms)]
+        promised = " / ".join(percent(row["promised"][name]) for name in _PROMISED)
+        said = [row["said"][name]["answer"] if name in row["said"] else "-" for name in ("now", *arms)]
         table.add_row(f"{row['world']} {row['case']}", ", ".join(row["compared"]), *said, promised)
     show(table, width=200)
+    lengths = {"third": minutes / 3, "random_third": minutes / 3, "long": long_min}
+    right: dict[str, int] = {}
     for name in ("now", *arms):
-        counts = Counter(row["said"][name] for row in rows if name in row["said"])
-        print(f"{name}: {counts['right']} right, {counts['wrong']} wrong, {counts['open']} open of {counts.total()}")
+        said = [row["said"][name] for row in rows if name in row["said"]]
+        counts = Counter(each["answer"] for each in said)
+        right[name] = counts["right"]
+        length = "" if name == "now" else f" after {lengths.get(name, minutes):.2g} min"
+        sure = [each["confidence"] for each in said if each["confidence"] is not None]
+        mean = f"; mean confidence of {len(sure)} names {percent(fmean(sure))}" if sure else ""
+        print(f"{name}{length}: {counts['right']} right, {counts['wrong']} wrong, {counts['open']} open{mean}")
+    for name in _PROMISED:
+        both = [(row["promised"][name], row["said"][name]["answer"]) for row in rows if name in row["said"]]
+        if both:
+            share = sum(said == "right" for _, said in both) / len(both)
+            print(f"promised {name}: {percent(fmean(value for value, _ in both))} right; were {percent(share)}")
+    for name in {"designed", "third"} & right.keys():
+        print(_minutes_of_random(right, name, lengths, minutes))
+    cpu, wall = ([row[f"design_{clock}_s"] for row in rows] for clock in ("cpu", "wall"))
+    if rows:
+        print(
+            f"a program: {fmean(cpu):.0f} s of CPU, {fmean(wall):.0f} s; at most {max(cpu):.0f} and {max(wall):.0f} s"
+        )
+
+
+def _minutes_of_random(right: dict[str, int], name: str, lengths: dict[str, float], minutes: float) -> str:
+    """The shortest random motion that names as many as a designed one, in a sentence."""
+    tried = sorted((lengths.get(each, minutes), each) for each in ("random", "random_third", "long") if each in right)
+    own = lengths.get(name, minutes)
+    as_many = next((length for length, each in tried if right[each] >= right[name]), None)
+    if as_many is None:
+        longest = max((length for length, _ in tried), default=0.0)
+        return f"{name}, {own:.2g} min: no random motion names as many; more than {longest / own:.2g} times the minutes"
+    return f"{name}, {own:.2g} min: random motion names as many after {as_many:.2g} min, {as_many / own:.2g} times"
 
 
 if __name__ == "__main__":
