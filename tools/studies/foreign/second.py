@@ -134,7 +134,8 @@ class Second:
         outlooks = designed.so_far, designed.after, designed.for_parameters, designed.random
         row = {
             "world": self.world.name, "case": self.case.name, "seconds": designed.motion.seconds,
-            "design_cpu_s": ended.user + ended.system - begun.user - begun.system, "design_wall_s": wall_s, "said": said,
+            "said": said,
+            "design_cpu_s": ended.user + ended.system - begun.user - begun.system, "design_wall_s": wall_s,
             "promised": {name: each.right(designed.causes) for name, each in zip(_PROMISED, outlooks, strict=True)},
             "compared": [cause.candidate.id or cause.candidate.label for cause in designed.causes],
             "decides": designed.decides, "begins": "cold" if designed.cold else "warm",
@@ -213,8 +214,8 @@ def _print(rows: list[dict[str, Any]], arms: Sequence[str], minutes: float, long
     table = Table("case (simulated)", "compared", "now", *arms, "promised now / designed / D-optimal / random")
     for row in rows:
         promised = " / ".join(percent(row["promised"][name]) for name in _PROMISED)
-        said = [row["said"][name]["answer"] if name in row["said"] else "-" for name in ("now", *arms)]
-        table.add_row(f"{row['world']} {row['case']}", ", ".join(row["compared"]), *said, promised)
+        answers = [row["said"][name]["answer"] if name in row["said"] else "-" for name in ("now", *arms)]
+        table.add_row(f"{row['world']} {row['case']}", ", ".join(row["compared"]), *answers, promised)
     show(table, width=200)
     lengths = {"third": minutes / 3, "random_third": minutes / 3, "long": long_min}
     right: dict[str, int] = {}
