@@ -80,8 +80,9 @@ def share_compared(labels: Sequence[str], believed: Belief | None) -> float:
     """What the report believes of these causes together, where something has changed; 1 without a report's belief."""
     if believed is None:
         return 1.0
-    together = sum(believed.probabilities.get(label, 0.0) for label in set(labels))
-    return together / max(1 - believed.probabilities.get(NOTHING, 0.0), together, 1e-9)
+    least = min(believed.probabilities.values())
+    together = sum(believed.probabilities.get(label, least) for label in set(labels))
+    return together / max(1 - believed.probabilities.get(NOTHING, 0.0), together)
 
 
 def causes_of(

@@ -20,8 +20,8 @@ does not decide which program the others get (ADR 106).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -73,6 +73,25 @@ class Cause:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class _SoFar:
+    """What the recordings so far say of causes beside their rivals."""
+
+    precision: Floats
+    """[causes] of their sizes."""
+    ahead: Floats
+    """[rivals, causes] evidence that a cause is ahead of a rival."""
+    beside: Floats
+    """[rivals, causes] precision of a cause's size beside a rival."""
+    pays: Floats
+    """[rivals, causes] what a rival pays more than a cause."""
+
+    @classmethod
+    def nothing(cls, rivals: int, causes: int) -> _SoFar:
+        """Without recordings."""
+        return cls(np.zeros(causes), *(np.zeros((rivals, causes)) for _ in range(3)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Contest:
     """Causes, and everything that might be said in their place."""
 
@@ -91,6 +110,7 @@ class Contest:
     kinds: int
     recordings: int
     """In question so far."""
+    so_far: _SoFar
     another: bool = False
     """Whether moments hold another session beside the recordings so far."""
 
@@ -106,8 +126,23 @@ class Contest:
         leads = np.array([[not rival.id and bool(cause.candidate.id) for cause in causes] for rival in rivals])
         return cls(
             causes, tuple(rivals), used, _grouped(used, rivals, priors), same.reshape(shape), leads.reshape(shape),
-            precision, learning_rate, kinds, recordings,
+            precision, learning_rate, kinds, recordings, _SoFar.nothing(*shape),
         )  # fmt: skip
+
+    def since(self, moments: Moments, evidence: Mapping[str, float]) -> Contest:
+        """Beside what the recordings so far say: their moments, and the evidence of hypotheses in them by key."""
+        schur = self._schur(moments)
+        explained, complexity = self._rivals(schur)
+        of_rivals = np.array([evidence.get(rival.key, 0.0) for rival in self.rivals])
+        of_causes = np.array([cause.evidence for cause in self.causes])
+        precision = np.array([self._precision(schur, cause) for cause in self.causes])
+        pays = np.array([self._pays(schur, cause) for cause in self.causes])
+        return replace(
+            self,
+            so_far=_SoFar(
+                precision, of_causes - of_rivals[:, None], precision * (1 - explained), complexity[:, None] - pays
+            ),
+        )
 
     def probabilities(self, moments: Moments) -> Floats:
         """[causes] probability that the loop names a cause where that is what has changed; at most 1 - pi."""
@@ -126,7 +161,7 @@ class Contest:
         explained, complexity = self._rivals(schur)
         found = []
         for number, cause in enumerate(self.causes):
-            to_rivals = self._beside(schur, cause, explained[:, number], complexity, self.has_to_lead[:, number])
+            to_rivals = self._beside(schur, number, explained, complexity)
             at = to_rivals @ cause.sizes()[1] if len(self.rivals) else np.empty(0)
             found.append(_name(self.rivals[int(at.argmin())]) if np.isfinite(at).any() else "")
         return found
@@ -148,16 +183,14 @@ class Contest:
         schur = self._schur(moments)
         explained, complexity = self._rivals(schur)
         return [
-            (self._distance(schur, cause, shares, complexity, leads), cause.sizes()[1])
-            for cause, shares, leads in zip(self.causes, explained.T, self.has_to_lead.T, strict=True)
+            (self._distance(schur, number, explained, complexity), cause.sizes()[1])
+            for number, cause in enumerate(self.causes)
         ]
 
-    def _distance(
-        self, schur: Floats, cause: Cause, explained: Floats, complexity: Floats, leads: NDArray[np.bool_]
-    ) -> Floats:
+    def _distance(self, schur: Floats, number: int, explained: Floats, complexity: Floats) -> Floats:
         """[sizes] to the closest failure: too little evidence, a rival, or recordings that are held out."""
-        precision = self._precision(schur, cause)
-        theta = np.abs(cause.sizes()[0])
+        cause = self.causes[number]
+        precision, theta = self._precision(schur, cause), cause.sizes()[0]
         if precision < self.learning_rate * LEAST_POWER:
             return np.full(len(theta), _NEVER)
         variance, freedom = self._between(cause)
@@ -166,26 +199,26 @@ class Contest:
         least = max(
             float(np.sqrt((chance + self._pays(schur, cause)) / precision)), improbable * float(np.sqrt(variance))
         )
-        alone = (theta - least) / np.sqrt(1 / precision + variance)
-        beside = self._beside(schur, cause, explained, complexity, leads).min(axis=0, initial=np.inf)
+        known = min(float(self.so_far.precision[number]) / precision, 1.0)
+        alone = (np.abs(theta + known * (cause.size - theta)) - least) / np.sqrt(1 / precision + variance)
+        beside = self._beside(schur, number, explained, complexity).min(axis=0, initial=np.inf)
         return np.asarray(np.maximum(np.minimum.reduce([alone, beside, _held_out(cause, precision)]), _NEVER))
 
-    def _beside(
-        self, schur: Floats, cause: Cause, explained: Floats, complexity: Floats, leads: NDArray[np.bool_]
-    ) -> Floats:
-        """[rivals, sizes] distance to a rival; infinite where it explains nothing.
+    def _beside(self, schur: Floats, number: int, explained: Floats, complexity: Floats) -> Floats:
+        """[rivals, sizes] distance of a cause to a rival; infinite where it explains nothing.
 
-        Per rival: `explained` share of the cause's evidence, `complexity` that the rival pays, and whether the rival
-        has to be ahead by the margin (`leads`).
+        `explained` [rivals, causes] share of a cause's evidence, `complexity` [rivals] that a rival pays. The lead so
+        far is what it is; expected is what more recordings add.
         """
-        precision, theta = self._precision(schur, cause), cause.sizes()[0]
-        left = np.maximum(1 - explained, 1e-9)[:, None]
-        evidence = precision * theta**2
-        u = np.sqrt(evidence * left)
-        ahead = u**2 + complexity[:, None] - self._pays(schur, cause)
-        scatter = np.maximum(2 * u * np.sqrt(1 + precision * left * self._between(cause)[0]), 1e-9)
+        cause, leads, explained = self.causes[number], self.has_to_lead[:, number], explained[:, number]
+        precision, theta, so_far = self._precision(schur, cause), cause.sizes()[0], self.so_far
+        beside = precision * np.maximum(1 - explained, 1e-9)[:, None]
+        more = np.maximum(beside - so_far.beside[:, number, None], 0.0) * theta**2
+        pays = complexity[:, None] - self._pays(schur, cause) - so_far.pays[:, number, None]
+        ahead = so_far.ahead[:, number, None] + more + pays
+        scatter = np.maximum(2 * np.sqrt(beside * theta**2 * (1 + beside * self._between(cause)[0])), 1e-9)
         # what wrong columns may move; a law draws of a cause what it explains of the cause
-        moved = THRESHOLDS.column_error**2 * evidence * np.where(leads, explained, 1.0)[:, None]
+        moved = THRESHOLDS.column_error**2 * precision * theta**2 * np.where(leads, explained, 1.0)[:, None]
         margin, wide = by_chance(self.kinds) + moved, np.hypot(scatter, moved / THRESHOLDS.interval_width)
         least = np.where(leads[:, None], self._sure * wide - margin, np.maximum(margin, self._sure * wide))
         return np.where(explained[:, None] > 0, (ahead - least) / scatter, np.inf)

@@ -12,8 +12,9 @@ import numpy as np
 from acqd.arrays import Floats
 from acqd.discrepancy.regression.least_squares import Moments
 from acqd.discrepancy.regression.setup import Setup
+from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.errors import UserError
-from acqd.experiment.choice import Worth, after, chosen, d_optimal, filled
+from acqd.experiment.choice import Worth, after, chosen, d_optimal, dealt, filled
 from acqd.experiment.compared import require_known
 from acqd.experiment.contest import Cause, Contest
 from acqd.experiment.pieces import Piece, motion_of, pieces_of
@@ -92,6 +93,11 @@ class Designed:
     def worked_min(self) -> float:
         """Minutes of work before the session: 0 for cold gears."""
         return 0.0 if self.cold else WARM_S / 60
+
+    @property
+    def cut_s(self) -> float:
+        """Length of the recordings that the program is cut into: the loop holds one of so many out."""
+        return self.motion.seconds / THRESHOLDS.held_out_every
 
     @property
     def answered(self) -> bool:
@@ -175,9 +181,10 @@ class _Session:
         return self.contest.score(self._after(self.program))
 
     def chosen_by(self, worth: Worth, total_s: float) -> list[str]:
-        """Names of the pieces of a program that is worth most."""
+        """Names of the pieces of a program that is worth most, in their order."""
         seconds = {name: self.pieces[name].seconds for name in self.moments}
-        return chosen(worth, self.so_far, self.moments, seconds, total_s, self.contest.learning_rate)
+        program = chosen(worth, self.so_far, self.moments, seconds, total_s, self.contest.learning_rate)
+        return dealt(program, seconds, THRESHOLDS.held_out_every)
 
     def outlook(self, program: list[str]) -> Outlook:
         """What the recordings so far and a program promise."""
@@ -228,6 +235,7 @@ def as_json(designed: Designed) -> dict[str, Any]:
         "seconds": designed.motion.seconds,
         "begins": "cold" if designed.cold else "warm",
         "worked_min": designed.worked_min,
+        "cut_s": designed.cut_s,
         "needed": designed.needed,
         "decides": designed.decides,
         "right_name": {name: each.right(designed.causes) for name, each in outlooks.items()},

@@ -39,8 +39,8 @@ def write_page(path: Path, designed: Designed) -> None:
         page.text(
             "Probability that the loop names a cause, if that is what has changed: with the recordings so far, after "
             "the designed motion, and after two other motions of the same length: random motion between measured "
-            "positions, and a D-optimal motion for the parameters of the model. All are expectations of the model; a "
-            "name asks for more, so that they are upper bounds."
+            "positions, and a D-optimal motion for the parameters of the model. All are expectations of the model, by "
+            "the rules of the loop. What is believed of causes that are not compared counts as not named."
         )
         page.table(*table(designed))
     page.heading("Motion")
@@ -125,11 +125,11 @@ def steps(designed: Designed) -> list[str]:
         again += ["--from", datetime.fromtimestamp(config.since_s, UTC).strftime("%Y-%m-%dT%H:%M:%S")]
     robot = designed.question.subject.data.description
     start = "after hours of standstill" if designed.cold else f"after {designed.worked_min / 60:g} hours of work"
-    worked = "" if designed.cold else f" --worked {designed.worked_min:g}"
+    given = f"--cut {designed.cut_s:.1f}" + ("" if designed.cold else f" --worked {designed.worked_min:g}")
     return [
         "have a person check the program, drive to its start by hand, and run it at reduced speed first",
         f"record power and the robot's log while the program runs, {start}",
-        f"acqd dataset build --power POWER --logs LOGS --robot {robot} --out {further}{worked}",
+        f"acqd dataset build --power POWER --logs LOGS --robot {robot} --out {further} {given}",
         " ".join(again),
     ]
 

@@ -147,19 +147,20 @@ def opened(
     known = _with_named(known, known.design.columns.in_question, named)
     rows = _with_named(rows, rows.design.columns.in_question, named)
     out = {name for name, _ in named}
-    findings = best_of_each(
-        ranked(known, known.design.columns.in_question, [c for c in known.design.columns.candidates if c.id not in out])
+    found = ranked(
+        known, known.design.columns.in_question, [c for c in known.design.columns.candidates if c.id not in out]
     )
     candidates = [each for each in rows.design.columns.candidates if each.id not in out]
     causes = causes_of(
         known,
         rows,
         exists,
-        leading_causes(findings, known, asked, question.believed),
+        leading_causes(best_of_each(found), known, asked, question.believed),
         question.believed,
         asked=bool(asked),
     )
-    return Open(rows, exists, pieces, _contest(rows, exists, causes, candidates))
+    evidence = {each.candidate.key: each.evidence for each in found}
+    return Open(rows, exists, pieces, _contest(rows, exists, causes, candidates, evidence))
 
 
 def _set_up(
@@ -236,8 +237,13 @@ def _with_named(rows: Rows, gate: Floats, named: tuple[tuple[str, str], ...]) ->
     return rows
 
 
-def _contest(rows: Rows, so_far: Floats, causes: tuple[Cause, ...], candidates: list[Candidate]) -> Contest:
-    """With the closest rivals of every kind, by the recordings so far and by all pieces together."""
+def _contest(
+    rows: Rows, so_far: Floats, causes: tuple[Cause, ...], candidates: list[Candidate], evidence: dict[str, float]
+) -> Contest:
+    """With the closest rivals of every kind, by the recordings so far and by all pieces together.
+
+    `evidence` of hypotheses in the recordings so far, by key.
+    """
     kinds, gate = kinds_of(rows.design.columns.candidates), rows.design.columns.in_question
     everything = _compared(rows, causes, candidates, kinds)
     keep: set[int] = set()
@@ -250,7 +256,8 @@ def _contest(rows: Rows, so_far: Floats, causes: tuple[Cause, ...], candidates: 
                 if shares[number] > 0 and taken.get(kind, 0) < _RIVALS:
                     taken[kind] = taken.get(kind, 0) + 1
                     keep.add(number)
-    return _compared(rows, causes, [candidates[number] for number in sorted(keep)], kinds)
+    compared = _compared(rows, causes, [candidates[number] for number in sorted(keep)], kinds)
+    return compared.since(without_intercepts(rows.regression, compared, gate, so_far), evidence)
 
 
 def _compared(rows: Rows, causes: tuple[Cause, ...], rivals: list[Candidate], kinds: int) -> Contest:

@@ -99,7 +99,7 @@ class Circle:
             robot = ("--robot", self.robot, "--seed", str(self.seed), "--effect", cause, *worked)
             acqd_json("lab", "execute", design / "motion.csv", *robot, "--out", executed)
         files = executed / "rows.jsonl", executed / "motion.csv"
-        second = self.dataset(f"{name}.second", files, "--cut", "45", *worked)
+        second = self.dataset(f"{name}.second", files, "--cut", str(promised["cut_s"]), *worked)
         other = self.campaign(f"{name}.random", _RANDOM, "--undeclared", cause)
         reports = {
             "now": now, "designed": self.closed(short, second),

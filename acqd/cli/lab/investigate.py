@@ -94,10 +94,11 @@ def _run(circle: Circle, plant: tuple[str, ...], undeclared: list[str], minutes:
     executed = out / "executed"
     work_min = designed.get("worked_min")  # a program of an earlier acqd does not ask for any
     worked = ("--worked", work_min) if work_min else ()
+    cut = ("--cut", designed.get("cut_s", _CUT_S))
     robot = ("--robot", circle.robot, *plant, *effects, *worked)
     steps.run(Step.of(executed / "report.html", "lab", "execute", design / "motion.csv", "--out", executed, *robot))
     files = executed / "rows.jsonl", executed / "motion.csv"
-    steps.run(circle.dataset("second.ds", *files, "--cut", _CUT_S, *worked))
+    steps.run(circle.dataset("second.ds", *files, *cut, *worked))
     sessions = ("close-loop", out / "after.ds", "--with", out / "second.ds")
     steps.run(Step.of(out / "both" / "report.json", *sessions, "--model", circle.model, "--out", out / "both"))
     return found | {"designed": designed, "both": belief(report_of(out / "both"))}

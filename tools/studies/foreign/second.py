@@ -4,11 +4,11 @@
         [--arm designed --arm random] [--json]
 
 Takes the open cases that `tools.studies.foreign OUT` has judged: one effect of the library is hidden, and the loop
-named nothing, or something else, or a family. For each: the motion that `acqd next` designs, the pieces of its first
-third, a D-optimal motion of equal length from the same pieces, and random motion of the generator's kind, also a third
-of its minutes and `--long` ones. Gears are as warm as the design asks for in the first three, and cold before random
-motion, as in the first session. The foreign plant executes each with the same hidden effect, and the loop judges both
-sessions together. Right: the effect, without a family. What is there is not made again, so that an interrupted run
+named nothing, or something else, or a family. For each: the motion that `acqd next` designs, also in a third of the
+minutes, a D-optimal motion of equal length from the same pieces, and random motion of the generator's kind, also in a
+third of the minutes and in `--long` ones. Gears are as warm as the design asks for in the first three, and cold before
+random motion, as in the first session. The foreign plant executes each with the same hidden effect, and the loop judges
+both sessions together. Right: the effect, without a family. What is there is not made again, so that an interrupted run
 continues; a case that acqd names rightly after the first session is left out.
 
 Printed are the shares of right answers by kind and minutes of motion, the least random motion that names as many as a
@@ -40,9 +40,10 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as acqd's commands: small 
 from acqd.discrepancy.config import CloseConfig
 from acqd.discrepancy.loop import close_loop
 from acqd.discrepancy.report.summary import as_json
+from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.errors import OperationError, UserError
-from acqd.experiment.design import Asked, Designed, next_motion
-from acqd.experiment.pieces import Piece, motion_of
+from acqd.experiment.design import Asked, Designed, Outlook, next_motion
+from acqd.experiment.pieces import motion_of
 from acqd.motion.controller import RATE
 from acqd.report.digits import percent
 from tools.common.tables import show
@@ -53,11 +54,11 @@ from tools.studies.foreign.robustness import world_of
 from tools.studies.foreign.runner import Runner, result_files
 from tools.studies.foreign.steps import StepError
 
-_CUT_S = 45
-"""Length of the recordings that a long one is cut into."""
+_CUT_S = 45.0
+"""Longest recordings of random motion."""
 ARMS = ("designed", "third", "d_optimal", "random", "random_third", "long")
 _NAME = {"name": "id", "confidence": "confidence"}
-_PROMISED = ("now", "designed", "d_optimal", "random")
+_PROMISED = ("now", "designed", "third", "d_optimal", "random")
 
 
 def options() -> argparse.Namespace:
@@ -122,41 +123,34 @@ class Second:
         if said["now"]["answer"] == "right":
             return None
         begun, begun_s = os.times(), time.perf_counter()
-        designed = next_motion(first / "loop", Asked(minutes, share_of_speed=1.0), lambda *_: None)
+        designed = _designed(first / "loop", minutes)
         ended, wall_s = os.times(), time.perf_counter() - begun_s
-        motions = self._motions(designed, minutes, long_min)
+        programs = {"designed": (designed, designed.after), "d_optimal": (designed, designed.for_parameters)}
+        if "third" in arms:
+            third = _designed(first / "loop", minutes / 3)
+            programs["third"] = third, third.after
+        lengths = {"random": minutes, "random_third": minutes / 3, "long": long_min}
+        motions = {name: _motion(*program) for name, program in programs.items()}
+        motions |= {name: _random(length) for name, length in lengths.items() if length}
         for name, motion in ((name, motions[name]) for name in arms if name in motions):
-            session = self.folder / name
-            worked_min = 0.0 if isinstance(motion, foreign.Plan) else designed.worked_min
+            session, design = self.folder / name, programs.get(name, (None,))[0]
+            worked_min, cut_s = (0.0, _CUT_S) if design is None else (design.worked_min, design.cut_s)
             files = make_second(self.world, self.case, session / "data", truth, name, motion, worked_min)
-            self._build(files, session, _CUT_S, worked_min)
+            self._build(files, session, cut_s, worked_min)
             said[name] = _said(self._closed(first, session))
-        outlooks = designed.so_far, designed.after, designed.for_parameters, designed.random
+        promised = {name: outlook.right(design.causes) for name, (design, outlook) in programs.items()}
         row = {
-            "world": self.world.name, "case": self.case.name, "seconds": designed.motion.seconds,
-            "said": said,
+            "world": self.world.name, "case": self.case.name, "seconds": designed.motion.seconds, "said": said,
             "design_cpu_s": ended.user + ended.system - begun.user - begun.system, "design_wall_s": wall_s,
-            "promised": {name: each.right(designed.causes) for name, each in zip(_PROMISED, outlooks, strict=True)},
+            "promised": {
+                "now": designed.so_far.right(designed.causes), **promised,
+                "random": designed.random.right(designed.causes),
+            },
             "compared": [cause.candidate.id or cause.candidate.label for cause in designed.causes],
             "decides": designed.decides, "begins": "cold" if designed.cold else "warm",
         }  # fmt: skip
         done.write_text(json.dumps(row))
         return row
-
-    def _motions(self, designed: Designed, minutes: float, long_min: float) -> dict[str, foreign.Motion | foreign.Plan]:
-        every = round(RATE * foreign.STEP_S)
-        found: dict[str, foreign.Motion | foreign.Plan] = {}
-        third = first_pieces(designed.after.pieces, designed.motion.seconds / 3)
-        programs = {"designed": designed.after.pieces, "third": third, "d_optimal": designed.for_parameters.pieces}
-        for name, pieces in programs.items():
-            if pieces:
-                motion = motion_of(designed.space, tuple(step for piece in pieces for step in piece.steps))
-                found[name] = foreign.given(*(rows[::every] for rows in (motion.q, motion.qd, motion.qdd)))
-        for name, length in (("random", minutes), ("random_third", minutes / 3), ("long", long_min)):
-            if length:
-                count = math.ceil(60 * length / _CUT_S)
-                found[name] = foreign.Plan(count, 60 * length / count)
-        return found
 
     def _build(self, files: Path, session: Path, cut_s: float | None = None, worked_min: float = 0.0) -> None:
         if not (session / "ds").exists():
@@ -182,13 +176,21 @@ def _said(result: Result) -> dict[str, Any]:
     return {"answer": answer(result), **named}
 
 
-def first_pieces(pieces: Sequence[Piece], seconds: float) -> tuple[Piece, ...]:
-    """The pieces of a program, in their order, that fit into a time."""
-    chosen: list[Piece] = []
-    for piece in pieces:
-        if sum(each.seconds for each in chosen) + piece.seconds <= seconds:
-            chosen.append(piece)
-    return tuple(chosen)
+def _designed(report: Path, minutes: float) -> Designed:
+    return next_motion(report, Asked(minutes, share_of_speed=1.0), lambda *_: None)
+
+
+def _motion(designed: Designed, outlook: Outlook) -> foreign.Motion:
+    """The motion of an outlook's pieces, at the generator's step."""
+    every = round(RATE * foreign.STEP_S)
+    motion = motion_of(designed.space, tuple(step for piece in outlook.pieces for step in piece.steps))
+    return foreign.given(*(rows[::every] for rows in (motion.q, motion.qd, motion.qdd)))
+
+
+def _random(minutes: float) -> foreign.Plan:
+    """As many recordings as the loop wants of a designed program, or more."""
+    count = max(THRESHOLDS.held_out_every, math.ceil(60 * minutes / _CUT_S))
+    return foreign.Plan(count, 60 * minutes / count)
 
 
 def main() -> None:
@@ -211,9 +213,9 @@ def main() -> None:
 
 
 def _print(rows: list[dict[str, Any]], arms: Sequence[str], minutes: float, long_min: float) -> None:
-    table = Table("case (simulated)", "compared", "now", *arms, "promised now / designed / D-optimal / random")
+    table = Table("case (simulated)", "compared", "now", *arms, "promised now / designed / third / D-optimal / random")
     for row in rows:
-        promised = " / ".join(percent(row["promised"][name]) for name in _PROMISED)
+        promised = " / ".join(percent(row["promised"][name]) if name in row["promised"] else "-" for name in _PROMISED)
         answers = [row["said"][name]["answer"] if name in row["said"] else "-" for name in ("now", *arms)]
         table.add_row(f"{row['world']} {row['case']}", ", ".join(row["compared"]), *answers, promised)
     show(table, width=200)
@@ -228,11 +230,16 @@ def _print(rows: list[dict[str, Any]], arms: Sequence[str], minutes: float, long
         mean = f"; mean confidence of {len(sure)} names {percent(fmean(sure))}" if sure else ""
         print(f"{name}{length}: {counts['right']} right, {counts['wrong']} wrong, {counts['open']} open{mean}")
     for name in _PROMISED:
-        both = [(row["promised"][name], row["said"][name]["answer"]) for row in rows if name in row["said"]]
+        both = [
+            (row["promised"][name], row["said"][name]["answer"]) for row in rows
+            if name in row["said"] and name in row["promised"]
+        ]  # fmt: skip
         if both:
             share = sum(said == "right" for _, said in both) / len(both)
             print(f"promised {name}: {percent(fmean(value for value, _ in both))} right; were {percent(share)}")
-    for name in {"designed", "third"} & right.keys():
+    for name in (
+        each for each in ("designed", "third") if each in right and right.keys() & {"random", "random_third", "long"}
+    ):
         print(_minutes_of_random(right, name, lengths, minutes))
     cpu, wall = ([row[f"design_{clock}_s"] for row in rows] for clock in ("cpu", "wall"))
     if rows:
