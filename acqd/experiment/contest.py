@@ -122,8 +122,8 @@ class Contest:
         """`priors`: per rival [parameters] its prior deviations; `precision` [own] of the regression's columns."""
         used = np.unique(np.concatenate([each.indices for each in [*rivals, *(cause.candidate for cause in causes)]]))
         shape = len(rivals), len(causes)
-        same = np.array([[rival.kind == cause.candidate.kind for cause in causes] for rival in rivals])
-        leads = np.array([[not rival.id and bool(cause.candidate.id) for cause in causes] for rival in rivals])
+        same = np.array([[rival.kind == cause.candidate.kind for cause in causes] for rival in rivals], dtype=bool)
+        leads = np.array([[not rival.id and bool(c.candidate.id) for c in causes] for rival in rivals], dtype=bool)
         return cls(
             causes, tuple(rivals), used, _grouped(used, rivals, priors), same.reshape(shape), leads.reshape(shape),
             precision, learning_rate, kinds, recordings, _SoFar.nothing(*shape),

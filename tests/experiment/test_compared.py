@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from acqd.discrepancy.causes.belief import OUTSIDE, Belief
-from acqd.experiment.compared import beliefs
+from acqd.discrepancy.causes.belief import NOTHING, OUTSIDE, Belief
+from acqd.experiment.compared import beliefs, share_compared
 
 LABELS = ["viscous_friction", "thermal_friction", OUTSIDE, OUTSIDE]
 EVIDENCE = np.array([129.0, 126.0, 123.0, 120.0])
@@ -27,3 +27,10 @@ def test_a_cause_that_the_report_does_not_list_has_no_more_than_the_least_likely
 def test_without_the_report_their_evidence_decides(said):
     shares = beliefs(LABELS[:2], EVIDENCE[:2], 3.0, said)
     assert shares[0] / shares[1] == pytest.approx(np.e)
+
+
+def test_what_is_believed_of_other_causes_counts_as_not_named_and_nothing_does_not_count():
+    believed = Belief({"payload": 0.4, "mounting": 0.2, NOTHING: 0.2, "copper_loss": 0.2}, ("payload",))
+    assert share_compared(["payload", "mounting"], believed) == pytest.approx(0.75)
+    assert share_compared(["payload", "payload"], None) == 1.0
+    assert share_compared(["payload", "mounting", "copper_loss"], believed) == pytest.approx(1.0)

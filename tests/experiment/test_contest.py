@@ -8,7 +8,7 @@ import pytest
 from acqd.discrepancy.regression.design_columns import Candidate
 from acqd.discrepancy.regression.least_squares import Moments
 from acqd.discrepancy.thresholds import THRESHOLDS
-from acqd.experiment.choice import after, chosen, d_optimal, filled
+from acqd.experiment.choice import after, chosen, d_optimal, dealt, filled
 from acqd.experiment.contest import Cause, Contest, together
 
 CAUSE = Candidate("payload", "flange", np.array([0]), key="payload 0")
@@ -190,3 +190,43 @@ def test_the_closest_rival_is_the_one_that_is_said_most_easily():
     squares = 100 * np.array([[1.0, 0.999, 0.9], [0.999, 1.0, 0.9], [0.9, 0.9, 1.0]])
     both = contest(rivals=(law, effect))
     assert both.closest(Moments(100 * BASE, np.zeros((1, 3)), squares)) == ["gravity_bias (link 6)"]
+
+
+def test_recordings_that_left_a_question_are_not_expected_to_answer_it():
+    so_far, after_it = moments(30, 0.5, 2), moments(60, 0.5, 2)
+    behind, level, ahead = (
+        contest().since(so_far, {RIVAL.key: 50.0 - lead}) for lead in (-15.0, 30 * 0.75, 40.0)
+    )  # fmt: skip
+    values = [probability(each, after_it) for each in (behind, level, ahead)]
+    assert values[0] < 0.3 and values[0] + 0.2 < values[1] < values[2]
+    assert values[1] == pytest.approx(probability(contest(), after_it), abs=0.02)  # the lead is the expected one
+
+
+def test_what_sessions_differ_by_makes_the_lead_over_a_rival_uncertain():
+    """By an effect that its size alone would name."""
+    differs = replace(contest(), causes=(replace(cause(), between_sessions=(0.12**2, 1000.0)),))
+    at = moments(400, 0.94, 2)
+    assert probability(replace(differs, rivals=(OTHER_PLACE,), same_kind=~differs.same_kind), at) > 0.97
+    assert 0.6 < probability(differs, at) < probability(contest(), at) - 0.01
+
+
+def test_held_out_recordings_have_to_show_a_cause_and_a_law_beyond_chance():
+    law = replace(cause(), candidate=replace(CAUSE, id="", label="a law"))
+    at = Moments(26 * BASE, np.zeros((1, 1)), 26 * np.ones((1, 1)))
+    named, unnamed = (
+        probability(Contest.of((own,), (), [], np.array([1e-6]), 1.0, 20, 8), at) for own in (cause(), law)
+    )  # fmt: skip
+    assert unnamed + 0.1 < named < 0.9 * (1 - THRESHOLDS.chance)  # a third of 26, and more scatter
+
+
+@pytest.mark.parametrize("parts", [1, 4])
+def test_each_recording_of_a_program_has_some_of_the_best_pieces(parts):
+    program = [f"piece {k}" for k in range(12)]
+    seconds = {name: 5.0 + k % 3 for k, name in enumerate(program)}
+    order = dealt(program, seconds, parts)
+    assert sorted(order) == sorted(program)
+    ends = np.cumsum([seconds[name] for name in order])
+    part_of = {
+        name: min(int((end - 1e-6) / (ends[-1] / parts)), parts - 1) for name, end in zip(order, ends, strict=True)
+    }
+    assert {part_of[name] for name in program[:parts]} == set(range(parts))
