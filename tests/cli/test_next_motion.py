@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.robot import load_description
 from acqd.robot.log_reader import read_log
 from tests.builders import recording, write_dataset
@@ -134,8 +135,8 @@ def test_a_program_is_written_whole_and_promises_more_than_random_motion(closed,
     assert done.returncode == 0, done.stderr
     designed = json.loads(done.stdout)
     right = designed["right_name"]
-    assert right["designed"] >= right["random"] and right["designed"] > right["now"]
-    assert designed["seconds"] <= 60
+    assert right["random"] <= right["designed"] < 1 - THRESHOLDS.chance
+    assert designed["seconds"] <= 60 and designed["cut_s"] == pytest.approx(designed["seconds"] / 4)
     robot = load_description("ur10e")
     q = read_log(tmp_path / "next" / "motion.csv", robot).q
     assert (q >= robot.lower).all() and (q <= robot.upper).all() and np.ptp(q) > 0.1

@@ -37,6 +37,7 @@ from rich.table import Table
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as acqd's commands: small matrices, which threads slow down
 
+from acqd.atomic import write_complete
 from acqd.discrepancy.config import CloseConfig
 from acqd.discrepancy.loop import close_loop
 from acqd.discrepancy.report.summary import as_json
@@ -130,8 +131,10 @@ class Second:
             third = _designed(first / "loop", minutes / 3)
             programs["third"] = third, third.after
         lengths = {"random": minutes, "random_third": minutes / 3, "long": long_min}
-        motions = {name: _motion(*program) for name, program in programs.items()}
-        motions |= {name: _random(length) for name, length in lengths.items() if length}
+        motions: dict[str, foreign.Motion | foreign.Plan] = {
+            **{name: _motion(*program) for name, program in programs.items()},
+            **{name: _random(length) for name, length in lengths.items() if length},
+        }
         for name, motion in ((name, motions[name]) for name in arms if name in motions):
             session, design = self.folder / name, programs.get(name, (None,))[0]
             worked_min, cut_s = (0.0, _CUT_S) if design is None else (design.worked_min, design.cut_s)
@@ -149,7 +152,7 @@ class Second:
             "compared": [cause.candidate.id or cause.candidate.label for cause in designed.causes],
             "decides": designed.decides, "begins": "cold" if designed.cold else "warm",
         }  # fmt: skip
-        done.write_text(json.dumps(row))
+        write_complete(done, orjson.dumps(row, option=orjson.OPT_SERIALIZE_NUMPY))
         return row
 
     def _build(self, files: Path, session: Path, cut_s: float | None = None, worked_min: float = 0.0) -> None:
@@ -164,8 +167,7 @@ class Second:
             further = tuple(session / "ds" for session in second)
             config = CloseConfig(first / "ds", self.runner.work / "model", folder, further=further)
             report = as_json(config, close_loop(config, lambda *_: None))
-            folder.mkdir(parents=True, exist_ok=True)
-            file.write_bytes(orjson.dumps(report, option=orjson.OPT_SERIALIZE_NUMPY))
+            write_complete(file, orjson.dumps(report, option=orjson.OPT_SERIALIZE_NUMPY))
         return self.result | {"report": json.loads(file.read_text())}
 
 
