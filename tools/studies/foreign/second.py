@@ -11,8 +11,9 @@ random motion, as in the first session. The foreign plant executes each with the
 both sessions together. Right: the effect, without a family. What is there is not made again, so that an interrupted run
 continues; a case that acqd names rightly after the first session is left out.
 
-Printed are the shares of right answers by kind and minutes of motion, the least random motion that names as many as a
-designed one, and the promises beside the shares that were right.
+Printed are the right answers by kind and minutes of motion, the least random motion that names as many as a designed
+one, and the promises beside the shares that were right. Every cause here is one of the library: what is believed of
+something else lowers the promise, and not that "where the cause is known".
 """
 
 from __future__ import annotations
@@ -141,14 +142,13 @@ class Second:
             files = make_second(self.world, self.case, session / "data", truth, name, motion, worked_min)
             self._build(files, session, cut_s, worked_min)
             said[name] = _said(self._closed(first, session))
-        promised = {name: outlook.right(design.causes) for name, (design, outlook) in programs.items()}
+        promises = programs | {"now": (designed, designed.so_far), "random": (designed, designed.random)}
+        true = self.result["truth"][0]["id"]
         row = {
             "world": self.world.name, "case": self.case.name, "seconds": designed.motion.seconds, "said": said,
             "design_cpu_s": ended.user + ended.system - begun.user - begun.system, "design_wall_s": wall_s,
-            "promised": {
-                "now": designed.so_far.right(designed.causes), **promised,
-                "random": designed.random.right(designed.causes),
-            },
+            "promised": {name: outlook.right(design.causes) for name, (design, outlook) in promises.items()},
+            "if_true": {name: _if_true(true, *promise) for name, promise in promises.items()},
             "compared": [cause.candidate.id or cause.candidate.label for cause in designed.causes],
             "decides": designed.decides, "begins": "cold" if designed.cold else "warm",
         }  # fmt: skip
@@ -174,8 +174,18 @@ class Second:
 def _said(result: Result) -> dict[str, Any]:
     """The answer, with the first name and its confidence."""
     first = next(iter(result["report"]["effects"]), None)
-    named = {"name": None, "confidence": None} if first is None else {key: first[of] for key, of in _NAME.items()}
+    named = {key: None if first is None else first[of] for key, of in _NAME.items()}
     return {"answer": answer(result), **named}
+
+
+def _if_true(cause: str, designed: Designed, outlook: Outlook) -> float:
+    """Promised where this is the cause: over its places by what they are believed; 0 where it is not compared."""
+    own = [
+        (each.believed, named)
+        for each, named in zip(designed.causes, outlook.named, strict=True)
+        if each.candidate.id == cause
+    ]
+    return float(sum(share * named for share, named in own) / max(sum(share for share, _ in own), 1e-9))
 
 
 def _designed(report: Path, minutes: float) -> Designed:
@@ -232,17 +242,14 @@ def _print(rows: list[dict[str, Any]], arms: Sequence[str], minutes: float, long
         mean = f"; mean confidence of {len(sure)} names {percent(fmean(sure))}" if sure else ""
         print(f"{name}{length}: {counts['right']} right, {counts['wrong']} wrong, {counts['open']} open{mean}")
     for name in _PROMISED:
-        both = [
-            (row["promised"][name], row["said"][name]["answer"]) for row in rows
-            if name in row["said"] and name in row["promised"]
-        ]  # fmt: skip
+        both = [row for row in rows if name in row["said"] and name in row["promised"]]
         if both:
-            share = sum(said == "right" for _, said in both) / len(both)
-            print(f"promised {name}: {percent(fmean(value for value, _ in both))} right; were {percent(share)}")
-    for name in (
-        each for each in ("designed", "third") if each in right and right.keys() & {"random", "random_third", "long"}
-    ):
-        print(_minutes_of_random(right, name, lengths, minutes))
+            share = sum(row["said"][name]["answer"] == "right" for row in both) / len(both)
+            promised, known = (percent(fmean(row[which][name] for row in both)) for which in ("promised", "if_true"))
+            print(f"promised {name}: {promised} right, {known} where the cause is known; were {percent(share)}")
+    for name in ("designed", "third"):
+        if name in right:
+            print(minutes_of_random(right, name, lengths, minutes))
     cpu, wall = ([row[f"design_{clock}_s"] for row in rows] for clock in ("cpu", "wall"))
     if rows:
         print(
@@ -250,15 +257,18 @@ def _print(rows: list[dict[str, Any]], arms: Sequence[str], minutes: float, long
         )
 
 
-def _minutes_of_random(right: dict[str, int], name: str, lengths: dict[str, float], minutes: float) -> str:
-    """The shortest random motion that names as many as a designed one, in a sentence."""
+def minutes_of_random(right: dict[str, int], name: str, lengths: dict[str, float], minutes: float) -> str:
+    """The shortest random motion that names as many as a designed one, in a sentence.
+
+    `right`: right answers by kind of motion; `lengths` in minutes, of the others `minutes`.
+    """
     tried = sorted((lengths.get(each, minutes), each) for each in ("random", "random_third", "long") if each in right)
     own = lengths.get(name, minutes)
     as_many = next((length for length, each in tried if right[each] >= right[name]), None)
-    if as_many is None:
-        longest = max((length for length, _ in tried), default=0.0)
-        return f"{name}, {own:.2g} min: no random motion names as many; more than {longest / own:.2g} times the minutes"
-    return f"{name}, {own:.2g} min: random motion names as many after {as_many:.2g} min, {as_many / own:.2g} times"
+    if as_many is not None:
+        return f"{name}, {own:.2g} min: random motion names as many after {as_many:.2g} min, {as_many / own:.2g} times"
+    longest = f"; more than {tried[-1][0] / own:.2g} times the minutes" if tried else ""
+    return f"{name}, {own:.2g} min: no random motion that was tried names as many{longest}"
 
 
 if __name__ == "__main__":
