@@ -21,7 +21,9 @@ CONTEXT_ROWS = 12
 More than any model looks back or ahead (networks: 10).
 """
 _PIECES = 20  # pieces that a split of 74, 12 and 14 % fills well: 15, 2 and 3
-_SHORTEST_S, _LONGEST_S = 5.0, 60.0  # the loop's noise model needs 120 rows; warm-up and drift need many pieces
+SHORTEST_S = 5.0
+"""Shorter pieces have too few rows for the loop's noise model, which needs 120."""
+_LONGEST_S = 60.0  # warm-up and drift need many pieces
 _SLACK = 0.25  # share of a piece by which its length may differ, so that cuts lie in rests
 _GRID_S = 0.04
 _REST = 0.02  # of the speed limits
@@ -30,7 +32,7 @@ _REST = 0.02  # of the speed limits
 def automatic_length(logs: list[RobotLog]) -> float:
     """Usual length of a piece [s]: enough pieces for a split, none too short for the loop's noise model."""
     total_s = sum(float(np.ptp(in_time(log)[0])) for log in logs)
-    return float(np.clip(total_s / _PIECES, _SHORTEST_S / (1 - _SLACK), _LONGEST_S / (1 + _SLACK)))
+    return float(np.clip(total_s / _PIECES, SHORTEST_S / (1 - _SLACK), _LONGEST_S / (1 + _SLACK)))
 
 
 def cut(log: RobotLog, seconds: float, step_s: float) -> list[RobotLog]:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from acqd.arrays import Floats
+from acqd.dataset.cut import SHORTEST_S
 from acqd.discrepancy.regression.least_squares import Moments
 from acqd.discrepancy.regression.setup import Setup
 from acqd.discrepancy.thresholds import THRESHOLDS
@@ -97,7 +98,7 @@ class Designed:
     @property
     def cut_s(self) -> float:
         """Length of the recordings that the program is cut into: the loop holds one of so many out."""
-        return self.motion.seconds / THRESHOLDS.held_out_every
+        return max(self.motion.seconds / THRESHOLDS.held_out_every, SHORTEST_S)
 
     @property
     def answered(self) -> bool:

@@ -1,5 +1,6 @@
 """What a designed program is worth beside what the report has said."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -29,6 +30,12 @@ def test_a_report_that_is_open_needs_an_answer_whatever_its_recordings_should_ha
 ):
     program = designed(now, after, unanswered=unanswered)
     assert (program.needed, program.decides) == (needed, decides)
+
+
+@pytest.mark.parametrize(("seconds", "cut_s"), [(179.2, 44.8), (57.0, 14.25), (9.0, 5.0)])
+def test_the_lines_to_type_make_several_recordings_of_a_program(seconds, cut_s):
+    program = replace(designed(0.1, 0.9, unanswered=True), motion=SimpleNamespace(seconds=seconds))
+    assert program.cut_s == pytest.approx(cut_s)
 
 
 def test_the_page_does_not_call_a_report_settled_that_is_open():
