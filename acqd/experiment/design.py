@@ -236,7 +236,7 @@ def as_json(designed: Designed) -> dict[str, Any]:
         "seconds": designed.motion.seconds,
         "begins": "cold" if designed.cold else "warm",
         "worked_min": designed.worked_min,
-        "cut_s": designed.cut_s,
+        "cut_s": round(designed.cut_s, 1),
         "needed": designed.needed,
         "decides": designed.decides,
         "right_name": {name: each.right(designed.causes) for name, each in outlooks.items()},

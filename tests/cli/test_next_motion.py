@@ -136,7 +136,7 @@ def test_a_program_is_written_whole_and_promises_more_than_random_motion(closed,
     designed = json.loads(done.stdout)
     right = designed["right_name"]
     assert right["random"] <= right["designed"] < 1 - THRESHOLDS.chance
-    assert designed["seconds"] <= 60 and designed["cut_s"] == pytest.approx(designed["seconds"] / 4)
+    assert designed["seconds"] <= 60 and designed["cut_s"] == pytest.approx(designed["seconds"] / 4, abs=0.1)
     robot = load_description("ur10e")
     q = read_log(tmp_path / "next" / "motion.csv", robot).q
     assert (q >= robot.lower).all() and (q <= robot.upper).all() and np.ptp(q) > 0.1
