@@ -36,6 +36,7 @@ from acqd.discrepancy.regression.least_squares import LEAST_POWER, Moments
 from acqd.discrepancy.selection.ranking import part_of
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.discrepancy.thresholds.chance import by_chance
+from acqd.experiment.rivals import Group, grouped
 
 _NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(7)
 """Of sizes, for a normal posterior."""
@@ -99,7 +100,7 @@ class Contest:
     rivals: tuple[Candidate, ...]
     used: Indices
     """Columns of causes and rivals; moments have these."""
-    groups: tuple[_Group, ...]
+    groups: tuple[Group, ...]
     same_kind: NDArray[np.bool_]
     """[rivals, causes] whether a rival is another place or shape of a cause."""
     has_to_lead: NDArray[np.bool_]
@@ -125,7 +126,7 @@ class Contest:
         same = np.array([[rival.kind == cause.candidate.kind for cause in causes] for rival in rivals], dtype=bool)
         leads = np.array([[not rival.id and bool(c.candidate.id) for c in causes] for rival in rivals], dtype=bool)
         return cls(
-            causes, tuple(rivals), used, _grouped(used, rivals, priors), same.reshape(shape), leads.reshape(shape),
+            causes, tuple(rivals), used, grouped(used, rivals, priors), same.reshape(shape), leads.reshape(shape),
             precision, learning_rate, kinds, recordings, _SoFar.nothing(*shape),
         )  # fmt: skip
 
@@ -264,51 +265,10 @@ class Contest:
         power = np.array([cause.weights @ cross[self._positions(cause), k] for k, cause in enumerate(self.causes)])
         shares, pays = np.zeros((len(self.rivals), len(self.causes))), np.zeros(len(self.rivals))
         for group in self.groups:
-            own = group.columns
-            block, product = schur[own[:, :, None], own[:, None, :]], cross[own]
-            if group.mix is not None:
-                block, product = group.mix.mT @ block @ group.mix, group.mix.mT @ product
-            acting = np.diagonal(block, axis1=1, axis2=2).min(axis=1) >= LEAST_POWER
-            whole, drawn = block[acting] + group.pull[acting] / self.learning_rate, product[acting]
-            shares[group.rivals[acting]] = np.einsum("npc,npc->nc", drawn, np.linalg.solve(whole, drawn))
-            free = np.linalg.slogdet(self.learning_rate * whole)[1] - group.free[acting]
-            pays[group.rivals[acting]] = free + group.tried[acting]
+            acting, drawn, asked = group.explained(schur, cross, self.learning_rate)
+            shares[acting], pays[acting] = drawn, asked
         shares[self.same_kind] = 0.0
         return np.clip(shares / np.maximum(power, LEAST_POWER), 0.0, 1.0), pays
-
-
-@dataclass(frozen=True, slots=True)
-class _Group:
-    """Rivals with the same numbers of columns and of parameters, whose equations are solved together."""
-
-    rivals: Indices
-    columns: Indices
-    """[n, k] indices into the used columns."""
-    mix: Floats | None
-    """[n, k, p] of columns per parameter; None: every column has a parameter of its own."""
-    pull: Floats
-    """[n, p, p] precision of the prior."""
-    free: Floats
-    """[n] log determinant of that."""
-    tried: Floats
-    """[n] 2 log of the places and shapes of the same kind."""
-
-
-def _grouped(used: Indices, rivals: Sequence[Candidate], priors: Sequence[Floats]) -> tuple[_Group, ...]:
-    sizes = [(len(rival.indices), rival.size, rival.mix is None) for rival in rivals]
-    groups = []
-    for size in dict.fromkeys(sizes):
-        members = [number for number, own in enumerate(sizes) if own == size]
-        mix = None if size[2] else np.array([rivals[k].mix for k in members])
-        groups.append(
-            _Group(
-                np.array(members), np.searchsorted(used, [rivals[k].indices for k in members]), mix,
-                np.array([np.diag(priors[k] ** -2.0) for k in members]),
-                np.array([-2 * np.log(priors[k]).sum() for k in members]),
-                2 * np.log([rivals[k].tried for k in members]),
-            )
-        )  # fmt: skip
-    return tuple(groups)
 
 
 def _held_out(cause: Cause, precision: float) -> Floats:
