@@ -1,18 +1,20 @@
 """Moves the quantities of the loop by 30 % and counts the verdicts that change, on cases of the foreign study.
 
-    python -m tools.studies.foreign.robustness OUT [--label base] [--only GLOB] [--json]
+    python -m tools.studies.foreign.robustness OUT [--label base] [--only GLOB] [--show] [--json]
 
-The cases are those with results in OUT (`python -m tools.studies.foreign OUT`). A verdict is its kind and the names of
-the effects. `p` moves the probability of a wrong name that a finding may have, not that of a right one.
+The cases are those with results in OUT (`python -m tools.studies.foreign OUT`). What a case has shown is kept beside
+the results, and not made again. A verdict is its kind and the names of the effects. `p` moves the probability of a
+wrong name that a finding may have, not that of a right one.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import os
 import shutil
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from fnmatch import fnmatch
 from pathlib import Path
@@ -27,6 +29,7 @@ from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.errors import UserError
 from tools.common.tables import show
 from tools.studies.foreign.cases import World
+from tools.studies.foreign.once import once
 from tools.studies.foreign.runner import Runner, result_files
 
 QUANTITIES = {
@@ -58,24 +61,56 @@ def verdict(dataset: Path, bundle: Path) -> list[str]:
     return [closed.verdict, *sorted(each.term.id for each in closed.named)]
 
 
+def robustness_file(path: Path) -> Path:
+    """What a case with a result at `path` has shown."""
+    return path.parents[1] / "robustness" / path.name
+
+
 def judged(out: Path, path: Path) -> dict[str, Any]:
-    """Verdict of a case as it is, and where it changes."""
-    result = json.loads(path.read_text())
-    world = world_of(result["world"])
+    """Verdict of a case as it is, and where it changes; a case that was judged is not judged again."""
+    known = robustness_file(path)
+    if known.exists():
+        return dict(json.loads(known.read_text()))
+    world = world_of(json.loads(path.read_text())["world"])
     runner = Runner(out, world, path.parents[1].name, None)
-    dataset = runner.work / "robustness" / path.stem / "ds"
+    dataset = known.with_suffix("") / "ds"
+    shutil.rmtree(dataset, ignore_errors=True)  # of a run that was stopped
     runner.build(runner.data / path.stem, dataset)
-    bundle = runner.work / "model"
-    usual = verdict(dataset, bundle)
-    changes = {}
+    with once():
+        usual, changes = _changes(dataset, runner.work / "model")
+    shutil.rmtree(dataset.parent)
+    case = {"world": world.name, "case": path.stem, "verdict": usual, "changes": changes}
+    partial = known.with_suffix(f".{os.getpid()}.partial")
+    partial.write_text(json.dumps(case))
+    partial.rename(known)
+    return case
+
+
+def _changes(dataset: Path, bundle: Path) -> tuple[list[str], dict[str, list[str]]]:
+    """The verdict, and other ones by the quantity that was moved."""
+    usual, changes = verdict(dataset, bundle), {}
     for sign, name in QUANTITIES.items():
         for factor in FACTORS:
             with moved(name, factor):
                 other = verdict(dataset, bundle)
             if other != usual:
                 changes[f"{sign} x {factor:g}"] = other
-    shutil.rmtree(dataset.parent)
-    return {"world": world.name, "case": path.stem, "verdict": usual, "changes": changes}
+    return usual, changes
+
+
+def table_of(cases: list[dict[str, Any]]) -> Table:
+    """How many verdicts change, by the quantity that was moved, and by any of them."""
+    table = Table("quantity", "factor", "verdicts that change", "share")
+
+    def row(sign: str, factor: str, changed: Sequence[object]) -> None:
+        count = sum(map(bool, changed))
+        table.add_row(sign, factor, f"{count} of {len(cases)}", f"{100 * count / max(len(cases), 1):.1f} %")
+
+    for sign in QUANTITIES:
+        for factor in FACTORS:
+            row(sign, f"{factor:g}", [f"{sign} x {factor:g}" in each["changes"] for each in cases])
+    row("any", "both", [each["changes"] for each in cases])
+    return table
 
 
 def world_of(name: str) -> World:
@@ -94,27 +129,27 @@ def main() -> None:
     parser.add_argument("out", type=Path, metavar="OUT")
     parser.add_argument("--label", default="base")
     parser.add_argument("--only", action="append", metavar="GLOB")
+    parser.add_argument("--show", action="store_true", help="judge nothing: what the cases have shown so far")
     parser.add_argument("--json", action="store_true")
     given = parser.parse_args()
+    out = given.out.resolve()
     paths = [
-        path for path in result_files(given.out.resolve(), given.label)
+        path for path in result_files(out, given.label)
         if not given.only or any(fnmatch(path.stem, glob) for glob in given.only)
     ]  # fmt: skip
+    if given.show:
+        paths = [path for path in paths if robustness_file(path).exists()]
     if not paths:
         sys.exit(f"{given.out} has no results of label {given.label}; make some: python -m tools.studies.foreign OUT")
-    rows = []
+    cases = []
     for number, path in enumerate(paths, start=1):
-        rows.append(judged(given.out.resolve(), path))
-        Console(stderr=True).print(f"{number} of {len(paths)}: {rows[-1]}", highlight=False)
+        cases.append(judged(out, path))
+        if not given.show:
+            Console(stderr=True).print(f"{number} of {len(paths)}: {cases[-1]}", highlight=False)
     if given.json:
-        print(json.dumps(rows))
-        return
-    table = Table("quantity", "factor", "verdicts that change", "share")
-    for sign in QUANTITIES:
-        for factor in FACTORS:
-            count = sum(f"{sign} x {factor:g}" in each["changes"] for each in rows)
-            table.add_row(sign, f"{factor:g}", f"{count} of {len(rows)}", f"{100 * count / len(rows):.0f} %")
-    show(table, width=_WIDTH)
+        print(json.dumps(cases))
+    else:
+        show(table_of(cases), width=_WIDTH)
 
 
 if __name__ == "__main__":

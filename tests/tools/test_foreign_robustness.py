@@ -1,0 +1,44 @@
+"""Stages of a study that are computed once, and the table of verdicts that change."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from acqd.arrays import Floats
+from acqd.discrepancy.regression.least_squares import Column
+from tools.studies.foreign.once import Once
+from tools.studies.foreign.robustness import table_of
+
+
+def test_equal_values_are_computed_once_and_others_again() -> None:
+    calls = []
+
+    def count(columns: list[Column], rows: Floats) -> list[float]:
+        calls.append(columns)
+        return [float(rows.sum())]
+
+    once = Once().stage(count, lambda *arguments: arguments)
+    gate = np.ones(3)
+    assert once([Column(1, gate, 2.0)], np.arange(3.0)) == [3.0]
+    assert once([Column(1, gate.copy(), 2.0)], np.arange(3.0)) == [3.0]
+    assert len(calls) == 1
+    once([Column(1, gate, 2.5)], np.arange(3.0))
+    once([Column(1, gate, 2.0)], np.arange(3.0, dtype=np.float32))
+    once([Column(1, gate, 2.0), Column(2, gate, 2.0)], np.arange(3.0))
+    assert len(calls) == 4
+
+
+def test_who_asked_may_add_to_a_list() -> None:
+    once = Once().stage(lambda number: [number], lambda number: number)
+    once(1).append(2)
+    assert once(1) == [1]
+
+
+def test_a_case_that_any_quantity_changes_counts_once() -> None:
+    changed = {"kappa x 0.7": ["nothing_left"], "tau x 1.3": ["nothing_left"]}
+    table = table_of([{"changes": changed}, {"changes": {}}])
+    quantity, factor, changes, _ = table.columns
+    shares = dict(zip(zip(quantity.cells, factor.cells, strict=True), changes.cells, strict=True))
+    assert shares["kappa", "0.7"] == "1 of 2"
+    assert shares["kappa", "1.3"] == "0 of 2"
+    assert shares["any", "both"] == "1 of 2"
