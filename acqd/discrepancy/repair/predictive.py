@@ -39,16 +39,16 @@ class Beside:
 
     regression: Regression
     """With all selected effects."""
-    reference: Floats
-    """[blocks] 1 for the reference."""
     owners: dict[tuple[str, str], str]
     """Owner of an effect's columns by its id and place."""
-    free: Indices
-    """Numbers of the free columns in the regression; those of effects come last."""
     columns: tuple[NDArray[np.float32], ...]
     """[T, free] W per segment."""
     effects: dict[tuple[str, str], tuple[Floats, ...]]
     """[T, parameters] W per unit and segment, of every effect that can be predicted."""
+    lacks: tuple[Floats, ...]
+    """[T] W per segment that the base model lacks by the reference."""
+    covariance: Floats
+    """[free, free] of the coefficients of the free columns by the reference."""
 
     @classmethod
     def of(cls, selection: Selection, subject: Subject) -> Beside:
@@ -73,32 +73,32 @@ class Beside:
                 effects[each.id, each.place.where].append(_columns(each, scene))
             scene.moved.clear()  # torques of bodies, before the next scene
         known = {place: tuple(of_place) for place, of_place in effects.items()}
-        return cls(regression, 1 - columns.in_question, owners, free, tuple(rows), known)
+        bare = regression
+        for owner in owners.values():
+            bare = bare.without(owner)
+        normal, product = bare.normal(1 - columns.in_question)
+        factor = cho_factor(normal)
+        beta = cho_solve(factor, product)[free]
+        lacks = tuple(of_free @ beta for of_free in rows)
+        return cls(regression, owners, tuple(rows), known, lacks, _inverse(factor, free))
 
-    def given(self, effects: Collection[tuple[str, str]]) -> tuple[list[Floats], Iterator[Floats], Floats]:
+    def given(self, effects: Collection[tuple[str, str]]) -> tuple[Iterator[Floats], Floats]:
         """Beside some effects (id and place).
 
-        [T] W per segment that the base model lacks by the reference, [T, k] W per segment of all uncertain columns, and
-        the covariance [k, k] of their coefficients: those of the base by the reference, those of effects by the
-        recordings in question.
+        [T, k] W per segment of all uncertain columns, and the covariance [k, k] of their coefficients: those of the
+        base by the reference, those of effects by the recordings in question.
         """
-        bare, chosen = self.regression, self.regression
+        chosen = self.regression
         for place, owner in self.owners.items():
-            bare = bare.without(owner)
             chosen = chosen if place in effects else chosen.without(owner)
-        normal, product = bare.normal(self.reference)
-        factor = cho_factor(normal)
-        beta = cho_solve(factor, product)[self.free]
         known = [place for place in self.effects if place in effects]
         owned = [k for place in known for k, c in enumerate(chosen.columns) if c.owner == self.owners[place]]
-        whole = cho_factor(chosen.normal(np.ones(len(self.reference)))[0])
-        covariance = block_diag(_inverse(factor, self.free), _inverse(whole, owned))
-        lacks = [columns @ beta for columns in self.columns]
+        whole = cho_factor(chosen.normal(np.ones(len(chosen.blocks)))[0])
         uncertain = (
             np.column_stack([columns, *(self.effects[place][k] for place in known)])
             for k, columns in enumerate(self.columns)
         )
-        return lacks, uncertain, covariance
+        return uncertain, block_diag(self.covariance, _inverse(whole, owned))
 
 
 def _inverse(factor: tuple[Floats, bool], chosen: Sequence[int] | Indices) -> Floats:
@@ -155,7 +155,7 @@ class Predictive:
         """
         if self.beside is None:
             return errors
-        return [own - more for own, more in zip(errors, self.beside.given(())[0], strict=True)]
+        return [own - more for own, more in zip(errors, self.beside.lacks, strict=True)]
 
     def density(self, errors: list[Floats], effects: Collection[tuple[str, str]]) -> float:
         """Twice the log predictive density of errors [T] W of segments, up to a constant.
@@ -167,8 +167,8 @@ class Predictive:
         uncertain: Iterator[Floats] = (np.zeros((len(each), 0)) for each in errors)
         covariance = np.zeros((0, 0))
         if self.beside is not None:
-            lacks, uncertain, covariance = self.beside.given(effects)
-            errors = [own - more for own, more in zip(errors, lacks, strict=True)]
+            uncertain, covariance = self.beside.given(effects)
+            errors = self.of_change(errors)
         count = covariance.shape[0]
         rate = self.learning_rate
         squares, product, total = np.zeros((count, count)), np.zeros(count), 0.0
