@@ -30,7 +30,7 @@ def settled(
     An effect with a name is found. A structure is unknown if its law predicts recordings that took no part, with a
     smaller error in W, too, or in an error that has grown: what sessions differ by predicts pieces of the same session.
     Nothing is left where no hypothesis passed, the error has not grown, and the recordings are long enough to prove an
-    absence.
+    absence. A law stands in the place of effects without a name: it is judged without these.
     """
     if improved.named:
         return "effects_found", []
@@ -40,7 +40,7 @@ def settled(
     sizes = f"{rms(errors):.2f} W RMS{beyond}, {usual.lowest_W:.2f} W in the reference"
     if selection.unknown is not None:
         unknown = selection.unknown
-        if only_beyond_reference(selection.rows, unknown.gate.open, unknown.finding, unknown.margin):
+        if only_beyond_reference(selection.unexplained, unknown.gate.open, unknown.finding, unknown.margin):
             faster = "what follows an unnamed cause shows only in faster motion than the reference has"
             return "not_identifiable", [f"{faster}: record a reference at these speeds"]
         if grown or (trial is not None and trial.predicts and trial.gain_W > 0):

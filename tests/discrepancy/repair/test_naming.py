@@ -143,7 +143,7 @@ def test_the_verdict_follows_from_names_laws_and_the_growth_of_the_error(
     named, refused, unknown, gains, now_W, fit_s, beyond, verdict, monkeypatch
 ):
     """`gains` of the law on held-out recordings: log density, 7.8 by chance; W. `beyond`: in faster motion only."""
-    monkeypatch.setattr("acqd.discrepancy.verdict.only_beyond_reference", lambda *_: beyond)
+    monkeypatch.setattr("acqd.discrepancy.verdict.only_beyond_reference", lambda rows, *_: beyond or rows != "bare")
     model = grey()
     usual = usual_of(recordings(model, 8, 6.0, 0)[1])
     new, errors = recordings(model, 6, now_W, 3)
@@ -151,7 +151,7 @@ def test_the_verdict_follows_from_names_laws_and_the_growth_of_the_error(
     effects += [CERTAIN.without_name("refused", "a better prediction")] if refused else []
     subject = SimpleNamespace(held_out=new, fit_s=fit_s)
     law = Unknown(None, SimpleNamespace(open=None), 15.0) if unknown else None
-    selection = SimpleNamespace(rows=None, unknown=law, usual=())
+    selection = SimpleNamespace(rows="with the refused", unexplained="bare", unknown=law, usual=())
     trial = None if gains is None else Trial(model, None, errors, None, None, gains[1], gains[0])
     improved = Improved(model, tuple(effects), errors)
     assert settled(subject, selection, improved, errors, AS_IT_IS, usual, trial)[0] == verdict
@@ -169,7 +169,7 @@ def test_what_sessions_differ_by_hides_a_cause_only_where_the_error_has_grown(no
     said, notes = settled(subject, selection, Improved(model, (), errors), errors, AS_IT_IS, usual, None)
     assert said == verdict and [each for each in notes if each.endswith("by a law, too")] == notes
     assert not any("beyond what the reference explains" in each for each in notes)
-    lacks = SimpleNamespace(given=lambda _: ([0.1 * each for each in errors], (), None))  # a tenth, by the reference
+    lacks = SimpleNamespace(lacks=[0.1 * each for each in errors])  # a tenth, by the reference
     known = replace(AS_IT_IS, beside=lacks)
     said, notes = settled(subject, selection, Improved(model, (), errors), errors, known, usual, None)
     assert said == verdict and all("beyond what the reference explains, " in each for each in notes)
