@@ -18,7 +18,15 @@ from acqd import student
 from acqd.arrays import Floats
 from acqd.discrepancy.regression.least_squares import Column
 from acqd.discrepancy.selection.accepted import Selected, Selection, Unknown, unnamed
-from acqd.discrepancy.selection.judging import best_of_each, kinds_of, left_by, margin, possible
+from acqd.discrepancy.selection.judging import (
+    best_of_each,
+    kinds_of,
+    left_by,
+    margin,
+    possible,
+    refines,
+    taken_by_shape,
+)
 from acqd.discrepancy.selection.placing import placed, without
 from acqd.discrepancy.selection.ranking import Finding, Rows, gains, ranked
 from acqd.discrepancy.thresholds import THRESHOLDS
@@ -141,13 +149,17 @@ def _explains_more(rows: Rows, selected: Selected, own: Finding, rival: Finding,
     """Probability that the rival explains more than the effect, over that of the opposite.
 
     A law has to explain more by the margin: names are preferred, and a curve takes what wrong columns leave. What these
-    could move from one to the other is a 95 % limit. What the description of the base model contributes to the evidence
-    is no recording's: the sum of gains may be zero.
+    could move from one to the other is a 95 % limit, of which a free shape takes its part (ADR 105). What the
+    description of the base model contributes to the evidence is no recording's: the sum of gains may be zero.
     """
     of_columns = THRESHOLDS.column_error**2 * left_by(rows.design, selected.gate.open, rival, [own])
     ahead = own.evidence - rival.evidence
     if not rival.candidate.id:
         ahead += by_chance(kinds) + of_columns
+    if refines(rival.candidate, own.candidate):
+        ahead += taken_by_shape(of_columns)
+    if refines(own.candidate, rival.candidate):
+        ahead -= taken_by_shape(of_columns)
     return _against(
         ahead,
         float(np.hypot(_error(gained[0] - gained[1], gained[0]), of_columns / THRESHOLDS.interval_width)),

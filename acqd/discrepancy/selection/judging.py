@@ -22,6 +22,7 @@ from acqd.discrepancy.selection.spread import beyond_sessions, power_rms
 from acqd.discrepancy.selection.standing import proportional
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.discrepancy.thresholds.chance import by_chance
+from acqd.models.effects import library
 
 USUAL = "more than what unchanged sessions of the reference differ by"
 """What a hypothesis lacks that is no more than such a difference."""
@@ -47,6 +48,25 @@ def left_by(design: Design, gate: Floats, finding: Finding, known: Sequence[Find
         return 0.0
     mine = white_power(design, finding, gate)
     return sum(max(other.evidence, 0.0) * proportional(mine, white_power(design, other, gate)) for other in known)
+
+
+def refines(one: Candidate, other: Candidate) -> bool:
+    """Whether an effect is another one of the same quantity with a shape that is free.
+
+    At an end of the shape the first is the second: gears that never warm up are stiff.
+    """
+    if not (one.id and other.id):
+        return False
+    first, second = library()[one.id], library()[other.id]
+    return bool(first.usual) and first.usual == second.usual and bool(first.bounds) and not second.bounds
+
+
+def taken_by_shape(of_columns: float) -> float:
+    """Evidence that a free shape takes on average of what wrong columns leave at most (`of_columns`, a 95 % limit).
+
+    What they leave has either sign along the shape, which follows where that helps: the mean of max(0, N(0, s^2)).
+    """
+    return of_columns / THRESHOLDS.interval_width / float(np.sqrt(2 * np.pi))
 
 
 def white_power(design: Design, finding: Finding, gate: Floats) -> Floats:

@@ -11,11 +11,12 @@ from acqd.discrepancy.regression.least_squares import Column
 from acqd.discrepancy.regression.onset import Gate
 from acqd.discrepancy.selection.accepted import Hypothesis, Selected, Unknown, unnamed
 from acqd.discrepancy.selection.detectors.candidates import Detection, detect
-from acqd.discrepancy.selection.judging import USUAL, best_of_each, judged, margin, white_power
+from acqd.discrepancy.selection.judging import USUAL, best_of_each, judged, margin, refines, taken_by_shape, white_power
 from acqd.discrepancy.selection.placing import placed, selected
 from acqd.discrepancy.selection.ranking import Finding, Rows, ranked
 from acqd.discrepancy.selection.shape_fit import ShapeFit
-from acqd.discrepancy.selection.standing import Contender, Standing
+from acqd.discrepancy.selection.standing import Contender, Standing, proportional
+from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.models.effects import library
 
 _TABLE = 6
@@ -117,7 +118,7 @@ class Step:
             )  # fmt: skip
 
         shown = [each for each in best[:_TABLE] if each.evidence > 0]
-        first = _first_name(best)
+        first = _simplest(best, fits, gate)
         leader = None if first is None else judge(first)
         law = next((judge(each) for each in best if not each.candidate.id), None)
         beyond = max(min(each.finding.evidence, each.beyond_sessions) for each in (leader, law) if each is not None)
@@ -181,6 +182,20 @@ def _first_name(best: list[Finding]) -> Finding | None:
     return next((each for each in best if each.candidate.id), None)
 
 
+def _simplest(best: list[Finding], fits: dict[str, ShapeFit], gate: Gate) -> Finding | None:
+    """The effect that leads: without a free shape where wrong columns explain what the shape adds (ADR 105)."""
+    first = _first_name(best)
+    if first is None:
+        return None
+    others = [fit.finding for fit in fits.values() if refines(first.candidate, fit.finding.candidate)]
+    for other in others:
+        powers = [white_power(fits[each.candidate.id].rows.design, each, gate.open) for each in (first, other)]
+        left = THRESHOLDS.column_error**2 * proportional(*powers) * first.evidence
+        if first.evidence - other.evidence <= taken_by_shape(left):
+            return other
+    return first
+
+
 def led_by(table: tuple[Hypothesis, ...], leader: Finding | None) -> tuple[Hypothesis, ...]:
     """The table, with what every hypothesis that passes by itself lacks against the one that leads."""
 
@@ -192,6 +207,8 @@ def led_by(table: tuple[Hypothesis, ...], leader: Finding | None) -> tuple[Hypot
         ahead = leader.candidate.id or unnamed(leader.candidate.label)
         short = leader.evidence - each.finding.evidence
         lacks = f"{short:.0f} more evidence than {ahead}" if short > 0 else f"a name: {ahead}"
+        if short <= 0 and each.id:
+            lacks = f"more evidence than wrong columns of {ahead} leave"
         return replace(each, status="candidate", missing=(lacks,))
 
     return tuple(map(row, table))

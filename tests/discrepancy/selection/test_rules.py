@@ -132,3 +132,23 @@ def test_the_table_says_what_every_hypothesis_lacks_against_the_one_that_leads()
     assert [each.status for each in again] == ["leads", "candidate", "refused"]
     assert again[1].missing == ("200 more evidence than a torque that depends on the angle of joint 1",)
     assert again[0].missing == () and again[2] == table[2]
+
+
+@pytest.mark.parametrize(
+    ("ahead", "other", "leads"),
+    [
+        (4.0, "viscous_friction", "viscous_friction"),  # 0.15^2 of 1000, a 95 % limit, leaves 4.6 on average
+        (5.0, "viscous_friction", "thermal_friction"),
+        (4.0, "coulomb_friction", "thermal_friction"),  # another quantity
+    ],
+)
+def test_a_free_shape_leads_by_more_than_wrong_columns_leave(monkeypatch, ahead, other, leads):
+    monkeypatch.setattr(step_module, "white_power", lambda *_: np.ones(4))
+    first, second = finding("thermal_friction", 1000.0), finding(other, 1000.0 - ahead)
+    rows = SimpleNamespace(design=None)
+    fits = {each.candidate.id: SimpleNamespace(rows=rows, finding=each) for each in (first, second)}
+    leader = step_module._simplest([first, second], fits, ALWAYS)
+    assert leader.candidate.id == leads
+    table = led_by((hypothesis(first), hypothesis(second)), leader)
+    assert [row.status for row in table].count("leads") == 1
+    assert (table[0].missing == ()) == (leads == "thermal_friction")
