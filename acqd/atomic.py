@@ -20,6 +20,17 @@ def require_writable(path: Path) -> None:
         raise UserError(f"{path}: {parent} is not a folder that this user may write to; choose another --out")
 
 
+def require_page(path: Path, option: str = "--out") -> None:
+    """Raises UserError where no HTML page can be written: also for a name of another kind, which may hold data."""
+    if path.suffix not in (".html", ".htm"):
+        raise UserError(f"{option} {path}: a report ends in .html; choose another {option}")
+    if path.is_dir():
+        raise UserError(f"{option} {path}: is a folder; expected a file")
+    require_writable(path)
+    if not path.absolute().parent.is_dir():
+        raise UserError(f"{option} {path}: folder {path.absolute().parent} does not exist; create it")
+
+
 def require_free(folder: Path, mark: str, what: str) -> None:
     """Raises UserError unless a folder is absent, empty, or an earlier `what`, which holds a file `mark`."""
     require_writable(folder)

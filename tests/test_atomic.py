@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from acqd.atomic import replace_file, require_free, require_writable, write_complete
+from acqd.atomic import replace_file, require_free, require_page, require_writable, write_complete
 from acqd.errors import UserError
 from acqd.report.page import Page
-from tests.commands import acqd_here
+from tests.commands import acqd_here, refused
 
 
 def test_a_place_that_cannot_be_made_is_refused_before_the_work(tmp_path, monkeypatch):
@@ -34,7 +34,7 @@ def test_a_place_that_cannot_be_made_is_refused_before_the_work(tmp_path, monkey
 )
 def test_long_commands_look_at_their_place_first(words, tmp_path):
     (tmp_path / "file").write_text("")
-    done = acqd_here(*words, "--out", tmp_path / "file" / "x", cwd=tmp_path)
+    done = acqd_here(*words, "--out", tmp_path / "file" / "x.html", cwd=tmp_path)
     assert (
         done.returncode == 2 and "file is not a folder that this user may write to; choose another --out" in done.stderr
     )
@@ -81,3 +81,38 @@ def test_a_link_stays_one_and_its_file_is_replaced(tmp_path):
     write_complete(tmp_path / "table.csv", b"new")
     assert (tmp_path / "table.csv").is_symlink() and (tmp_path / "disk" / "table.csv").read_text() == "new"
     assert sorted(path.name for path in tmp_path.rglob("*")) == ["disk", "table.csv", "table.csv"]
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("acqd.sqlite", r"--out .*acqd.sqlite: a report ends in .html; choose another --out"),
+        ("folder.html", r"--out .*folder.html: is a folder; expected a file"),
+        ("none/x.html", r"--out .*x.html: folder .*none does not exist; create it"),
+    ],
+)
+def test_a_page_takes_the_place_of_no_other_file(name, said, tmp_path):
+    (tmp_path / "acqd.sqlite").write_text("rows")
+    (tmp_path / "folder.html").mkdir()
+    with pytest.raises(UserError, match=said):
+        require_page(tmp_path / name)
+    assert require_page(tmp_path / "x.html") is None
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("plant", "page", "--out"),
+        ("plant", "month", "--out"),
+        ("en50160", "--declared-voltage", "230", "--out"),
+        ("conformance", "--out"),
+        ("compare", "nosuch", "--out"),
+        ("energy", "--html"),
+        ("robot", "check", "ur5e", "--out"),
+        ("robot", "ability", "nosuch", "--html"),
+    ],
+)
+def test_every_command_that_writes_a_page_keeps_other_files(words, tmp_path):
+    (tmp_path / "acqd.sqlite").write_text("rows")
+    assert f"{words[-1]} acqd.sqlite: a report ends in .html" in refused(acqd_here(*words, "acqd.sqlite", cwd=tmp_path))
+    assert (tmp_path / "acqd.sqlite").read_text() == "rows"

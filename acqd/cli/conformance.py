@@ -11,7 +11,7 @@ import typer
 from rich.console import Console
 from rich.text import Text
 
-from acqd.atomic import require_writable
+from acqd.atomic import require_page
 from acqd.cli.folded_table import Table
 from acqd.cli.options import Json
 from acqd.cli.progress import progress
@@ -39,11 +39,7 @@ def conformance(
     Example: acqd conformance --terminal box.toml --out sheet.html
     """
     if out is not None:
-        if out.suffix not in (".html", ".htm"):
-            raise UserError(f"{out}: a report ends in .html; choose another --out")
-        if not out.absolute().parent.is_dir():
-            raise UserError(f"--out {out}: folder {out.absolute().parent} does not exist; create it")
-        require_writable(out)
+        require_page(out)
         require("acqd conformance --out", ("jinja2",), "lab")
     from acqd.conformance.sheet import GROUPS, make_sheet
     from acqd.conformance.terminal import Terminal, load_terminal

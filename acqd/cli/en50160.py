@@ -10,7 +10,7 @@ import orjson
 import typer
 from rich.text import Text
 
-from acqd.atomic import require_writable
+from acqd.atomic import require_page
 from acqd.cli.folded_table import Table
 from acqd.cli.options import ConfigFile, Json, configured
 from acqd.cli.terminal import terminal
@@ -47,9 +47,7 @@ def en50160(
     if f_nominal not in (50.0, 60.0):
         raise UserError(f"--f-nominal {f_nominal:g}: expected 50 or 60")
     if out is not None:
-        if out.suffix not in (".html", ".htm"):
-            raise UserError(f"{out}: a report ends in .html; choose another --out")
-        require_writable(out)
+        require_page(out)
         require("acqd en50160 --out", ("jinja2",), "lab")
     from acqd.en50160.read import read_period
     from acqd.en50160.statistics import as_json, event_classes, statistics_of

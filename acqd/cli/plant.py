@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import orjson
 import typer
 
-from acqd.atomic import require_writable
+from acqd.atomic import require_page
 from acqd.cli.folded_table import Table
 from acqd.cli.options import ConfigFile, Json, configured
 from acqd.cli.progress import progress
@@ -55,7 +55,7 @@ def page_command(
 
     require("acqd plant", ("jinja2",), "data")
     settings = _settings(config, tariff)
-    require_writable(out)
+    require_page(out)
     told = _found(fleet)
     heard = None if no_broker else _listen(settings)
     with progress(terminal(stderr=True)) as show:
@@ -100,7 +100,7 @@ def month_command(
     rules = rules_of(settings.energy)
     chosen, earlier = month_range(month, time.time(), rules.zone)
     path = out or Path(f"plant-{month_name(chosen, rules.zone)}.html")
-    require_writable(path)
+    require_page(path)
     told = _found(fleet)
     with progress(terminal(stderr=True)) as show:
         engine = read_database(database or settings.sink.database)

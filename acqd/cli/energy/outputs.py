@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from acqd.atomic import require_writable
+from acqd.atomic import require_page, require_writable
 from acqd.errors import UserError
 from acqd.extras import require
 
@@ -14,11 +14,9 @@ def check_outputs(command: str, csv: Path | None, html: Path | None) -> None:
     if csv is not None and csv.suffix != ".csv":
         raise UserError(f"--csv {csv}: expected a name that ends in .csv")
     if html is not None:
-        if html.suffix not in (".html", ".htm"):
-            raise UserError(f"--html {html}: expected a name that ends in .html")
+        require_page(html, "--html")
         require(f"{command} --html", ("jinja2", "matplotlib"), "lab")
-    for path in (csv, html):
-        if path is not None and not path.absolute().parent.is_dir():
-            raise UserError(f"{path}: folder {path.absolute().parent} does not exist; create it")
-        if path is not None:
-            require_writable(path)
+    if csv is not None:
+        if not csv.absolute().parent.is_dir():
+            raise UserError(f"--csv {csv}: folder {csv.absolute().parent} does not exist; create it")
+        require_writable(csv)

@@ -8,7 +8,7 @@ from typing import Annotated
 import orjson
 import typer
 
-from acqd.atomic import require_writable
+from acqd.atomic import require_page
 from acqd.cli.folded_table import Table
 from acqd.cli.options import Json
 from acqd.cli.progress import progress
@@ -35,7 +35,7 @@ def compare(
 
     folder = models or default_models(dataset)
     path = out or folder / "report.html"
-    require_writable(path)
+    require_page(path)
     console = terminal(stderr=True)
     with progress(console) as show_step:
         comparison = run(load_dataset(dataset), folder, show_step)

@@ -9,7 +9,7 @@ import orjson
 import typer
 from rich.console import Console
 
-from acqd.atomic import require_writable
+from acqd.atomic import require_page
 from acqd.cli.folded_table import Table
 from acqd.cli.options import Json
 from acqd.cli.progress import progress
@@ -45,7 +45,7 @@ def ability(
     from acqd.discrepancy.beforehand import beforehand
 
     if html is not None:
-        require_writable(html)
+        require_page(html, "--html")
     with progress(Console(stderr=True)) as shown:
         planned = beforehand(model, motion, minutes, shown)
     if html is not None:

@@ -10,9 +10,9 @@ import typer
 from rich.console import Console
 from rich.markup import escape
 
+from acqd.atomic import require_page
 from acqd.cli.folded_table import Table
 from acqd.cli.options import Json
-from acqd.errors import UserError
 from acqd.extras import require
 
 if TYPE_CHECKING:
@@ -33,13 +33,12 @@ def check(
     """
     require("acqd robot check", ("scipy",), "loop")
     if out is not None:
+        require_page(out)
         require("acqd robot check --out", ("jinja2", "matplotlib"), "loop")
     from acqd.robot.description import load_description
     from acqd.robot_check.check import check_description
 
     description = load_description(robot)
-    if out is not None and out.suffix not in (".html", ".htm"):
-        raise UserError(f"{out}: a report ends in .html; choose another --out")
     with Console(stderr=True).status("computing the power of 60 s of motion"):
         checked = check_description(description)
     if out is not None:
