@@ -9,7 +9,7 @@ from typing import Any
 
 from typer.core import TyperGroup
 
-from acqd.errors import in_our_words
+from acqd.errors import UserError, in_our_words
 
 _WORDS = (
     (r"^Invalid value for '([^']*)'(?: / '[^']*')*: ", r"\1: "),
@@ -83,6 +83,19 @@ def _alike(error: Any, name: str) -> bool:
     return SequenceMatcher(None, wanted, name.lstrip("-")).ratio() >= _LEAST_LIKENESS
 
 
+def _require_once(command: Any, context: Any, words: list[str]) -> None:
+    """Raises UserError for an option that stands twice and takes one value: click would take the last in silence."""
+    try:
+        order = command.make_parser(context).parse_args(args=list(words))[2]
+    except Exception:
+        return  # said when the command itself reads its words
+    one_value = [each for each in order if each.param_type_name == "option" and not each.multiple and not each.count]
+    if twice := [each for each in one_value if one_value.count(each) > 1]:
+        names = " or ".join([*twice[0].opts[:1], *twice[0].secondary_opts[:1]])
+        path = context.command_path.removeprefix("acqd ")
+        raise UserError(f"{path}: {names} is given more than once; leave one of them")
+
+
 class NamingGroup(TyperGroup):
     """A group of commands that tells an error of usage which command it is about.
 
@@ -106,6 +119,8 @@ class NamingGroup(TyperGroup):
                 unknown.message = f"{message.rstrip('.')}. Did you mean {meant}?"
             raise
         self._read = (name, command)
+        if command is not None:
+            _require_once(command, command.context_class(command, info_name=name, parent=ctx), rest)
         return name, command, rest
 
     def invoke(self, ctx: Any) -> Any:

@@ -9,10 +9,12 @@ from acqd.errors import UserError
 
 
 def bare_host(host: str) -> str:
-    """The name or address of a computer, as it is. Raises ValueError where a scheme or a port is in it.
+    """The name or address of a computer, as it is. Raises ValueError where it is empty, or has a scheme or a port.
 
     An IPv6 address has more than one colon.
     """
+    if len(host.split()) != 1 or host != host.strip():
+        raise ValueError("expected a name or an address without blanks, such as 127.0.0.1")
     name, colon, port = host.partition(":")
     if "/" in host or (colon and (not port or port.isdecimal())):
         rest = host.partition("://")[2] if "://" in host else host
