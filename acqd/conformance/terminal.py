@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -13,6 +12,7 @@ from acqd.arrays import Floats
 from acqd.errors import InputError, in_our_words
 from acqd.metering.block import Codes, StreamFormat
 from acqd.section import Section
+from acqd.toml_file import tables_of
 
 _Positive = Annotated[float, Field(gt=0, le=1e6)]
 _Percent = Annotated[float, Field(ge=0, le=100)]
@@ -120,11 +120,9 @@ class Terminal(Section):
 def load_terminal(path: Path) -> Terminal:
     """Read a description. Raises InputError with one line that names the key."""
     try:
-        data = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        data = tables_of(path)
     except OSError as error:
         raise InputError(path, f"cannot be read ({error.strerror})") from None
-    except ValueError as error:
-        raise InputError(path, f"is not valid TOML: {error}") from None
     try:
         return Terminal.model_validate(data)
     except ValidationError as error:

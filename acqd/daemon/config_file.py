@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import os
-import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +14,8 @@ from acqd.daemon.config_complaint import complaint
 from acqd.daemon.config_place import as_installed
 from acqd.daemon.earlier_files import with_tariff, without_effect
 from acqd.daemon.mqtt_section import Service
-from acqd.errors import InputError
+from acqd.errors import InputError, UserError
+from acqd.toml_file import tables_of
 
 _log = logging.getLogger(__name__)
 
@@ -41,18 +41,17 @@ def load_config(path: Path, service: Service = "daemon") -> Config:
 def read_toml(path: Path) -> dict[str, Any]:
     """The tables of a file. Raises InputError."""
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        return tables_of(path)
     except FileNotFoundError:
         raise InputError(path, "no such file; acqd config init writes a complete one") from None
     except PermissionError:
         raise InputError(path, "cannot be read (Permission denied); may this user read it (sudo)?") from None
     except OSError as error:
         raise InputError(path, f"cannot be read ({error.strerror}); expected a file of TOML") from None
-    except UnicodeDecodeError:
-        raise InputError(path, "cannot be read (no UTF-8 text); expected a file of TOML") from None
-    except (ValueError, RecursionError) as error:  # ValueError: also numbers of more than 4300 digits
-        hint = "; several sources are all written as [[source]]" if "'source'" in str(error) else ""
-        raise InputError(path, f"is not valid TOML: {error}{hint}") from None
+    except InputError as error:
+        if "source]" not in str(error):
+            raise
+        raise UserError(f"{error}; several sources are all written as [[source]]") from None
 
 
 def parsed_config(data: dict[str, Any], path: Path) -> Config:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from dataclasses import dataclass
 from datetime import datetime, time
 from fractions import Fraction
@@ -18,6 +17,7 @@ from acqd.energy.periods import parse_shifts, zone_of
 from acqd.energy.price_series import Series, read_series
 from acqd.errors import InputError, UserError, in_our_words, place_in_file
 from acqd.section import FileName, Section
+from acqd.toml_file import tables_of
 
 _DAYS = ("mon", "tue", "wed", "thu", "fri", "sat", "sun")
 _MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
@@ -147,12 +147,9 @@ def _by_quarters(number: np.ndarray) -> np.ndarray:
 def load_tariff(path: Path, zone: str | None = None) -> Tariff:
     """Read a tariff; `zone` stands for the file's, where it has none. Raises UserError."""
     try:
-        with path.open("rb") as file:
-            given = _File.model_validate(tomllib.load(file))
+        given = _File.model_validate(tables_of(path))
     except OSError as error:
         raise InputError(path, f"cannot be read ({error.strerror})") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(path, f"is not TOML: {error}") from None
     except ValidationError as error:
         first = error.errors()[0]
         said = in_our_words(first["msg"])

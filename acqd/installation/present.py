@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Any
 
 from acqd.errors import InputError, UserError
 from acqd.installation.plan import CONFIGURATION, DEFAULT_SERVICES, LOGINS, SERVICES, Wanted
+from acqd.toml_file import tables_of
 
 _UNITS = "/etc/systemd/system"
 _DROP_INS = f"{_UNITS}/acqd.service.d"
@@ -121,11 +121,11 @@ def _configuration(path: Path) -> dict[str, Any] | None:
     try:
         if not path.exists():
             return None
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        return tables_of(path)
     except PermissionError:
         raise UserError(f"{path}: this user may not read it; use sudo") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(path, f"no TOML ({error}); mend it first, the installation keeps this file") from None
+    except InputError as error:
+        raise UserError(f"{error}; mend the file first, the installation keeps this file") from None
 
 
 def _table(config: dict[str, Any] | None, name: str) -> dict[str, Any]:

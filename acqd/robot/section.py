@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -10,6 +9,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from acqd import section
 from acqd.errors import InputError, in_our_words, place_in_file
+from acqd.toml_file import tables_of
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -31,12 +31,9 @@ def read_toml(path: Path, model: type[Model]) -> Model:
 def read_toml_table(path: Path) -> dict[str, Any]:
     """The raw content of a TOML file. Raises InputError."""
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "no UTF-8 text"
-        raise InputError(path, f"cannot be read ({reason})") from None
-    except (ValueError, RecursionError) as error:  # ValueError: also numbers of more than 4300 digits
-        raise InputError(path, f"is not valid TOML: {error}") from None
+        return tables_of(path)
+    except OSError as error:
+        raise InputError(path, f"cannot be read ({error.strerror})") from None
 
 
 def complaint(fault: object) -> str:

@@ -229,7 +229,7 @@ def test_what_contradicts_the_kept_configuration_is_refused_and_changes_nothing(
     assert "hall-4.password" in (root / "etc/systemd/system/acqd.service.d/password.conf").read_text()
     assert "hall-4:$7$" in (root / "etc/mosquitto/acqd.passwords").read_text()
     config.write_text("device = \n")
-    assert "no TOML" in refused(acqd_here("service", "install", "--root", root))
+    assert "is not valid TOML" in refused(acqd_here("service", "install", "--root", root))
 
 
 def test_an_installation_without_a_broker_stays_without(root):

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
 from acqd.errors import InputError, UserError
+from acqd.toml_file import tables_of
 
 FOLDER = Path(__file__).parent / "profiles"
 RegisterType = Literal["u16", "i16", "u32", "i32", "u64", "i64", "float32", "float64"]
@@ -91,11 +91,9 @@ def load_profile(name: str) -> Profile:
             "or give the path of a .toml file of your own"
         )
     try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
+        data = tables_of(path)
     except OSError as error:
         raise InputError(path, f"the profile cannot be read ({error.strerror})") from None
-    except (ValueError, RecursionError) as error:  # no text, no TOML, a number of more than 4300 digits
-        raise InputError(path, f"is no readable profile ({error})") from None
     return _Reader(path, data).profile()
 
 

@@ -8,12 +8,12 @@ columns the table has where it is not the whole row. A user may add one of their
 from __future__ import annotations
 
 import re
-import tomllib
 from dataclasses import dataclass, fields
 from functools import lru_cache
 from pathlib import Path
 
 from acqd.errors import InputError, UserError
+from acqd.toml_file import tables_of
 
 FOLDER = Path(__file__).with_name("layouts")
 _TEXT = ("name", "title", "source", "advice", "times")
@@ -90,11 +90,9 @@ def recognised(lines: list[str]) -> Layout:
 @lru_cache(maxsize=64)
 def _read(path: Path) -> Layout:
     try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
+        data = tables_of(path)
     except OSError as error:
         raise InputError(path, f"the layout cannot be read ({error.strerror})") from None
-    except (ValueError, RecursionError) as error:
-        raise InputError(path, f"is no readable layout ({error})") from None
     known = {field.name for field in fields(Layout)}
     if unknown := [key for key in data if key not in known]:
         raise InputError(path, f"unknown key {unknown[0]}; a layout has {', '.join(sorted(known))}")

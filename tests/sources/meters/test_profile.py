@@ -40,7 +40,7 @@ BROKEN = {
     'function = 4\nword_order = "low"\n[quantities]\n"L1.P" = { adress = 1, type = "u32" }': "address = NUMBER",
     'function = 4\nword_order = "low"\n[quantities]\n"L1.P" = { address = 1, typ = "u32" }': "unknown key",
     'function = 4\nword_order = "low"\n[quantities]\n"L1.P" = 12': "address = NUMBER",
-    "[": "no readable profile",
+    "[": "is not valid TOML",
 }
 
 
