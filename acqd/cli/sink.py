@@ -33,6 +33,7 @@ from acqd.plc.realtime import die_with_parent
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from datetime import date
     from pathlib import Path
 
     import sqlalchemy as sa
@@ -243,12 +244,8 @@ def completeness_command(
             terminal(stderr=True).print(f"note: {error}")
             waiting = {}
         report = with_waiting(report, waiting)
-        if not report and (count := rows_of(waiting, device)):
-            raise OperationError(f"no row is stored yet, {count} rows wait in {spools}: is a sink running? acqd status")
-    if device is not None and not report:
-        raise UserError(f"--device {device!r}: the database has no rows of this device on {wanted[-1]} or before")
-    if not report:
-        raise OperationError(f"the database has no rows and no roll-ups until {wanted[-1]}: is it the right one?")
+        if not report:
+            raise _nothing(engine, wanted[-1], device, rows_of(waiting, device), spools)
     if json:
         print(orjson.dumps([asdict(one) | {"missing": one.missing} for one in report]).decode())
     else:
@@ -256,3 +253,16 @@ def completeness_command(
             show_completeness([one for one in report if one.day == one_day.isoformat()], one_day.isoformat())
     if any(gap.cause == Cause.lost for one in report for gap in one.gaps):
         raise typer.Exit(1)
+
+
+def _nothing(engine: sa.Engine, day: date, device: str | None, waiting: int, spools: Path) -> Exception:
+    """Why there is no report of `day`."""
+    from acqd.storage.completeness import first_day
+
+    if device is not None and not waiting:
+        return UserError(f"--device {device!r}: the database has no rows of this device on {day} or before")
+    if device is None and (began := first_day(engine)) is not None:
+        return OperationError(f"no row of {day} or before is stored: the first day with rows is {began}")
+    if waiting:
+        return OperationError(f"no row is stored yet, {waiting} rows wait in {spools}: is a sink running? acqd status")
+    return OperationError(f"the database has no rows and no roll-ups until {day}: is it the right one?")

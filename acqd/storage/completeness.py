@@ -18,7 +18,7 @@ import sqlalchemy as sa
 from acqd.errors import UserError
 from acqd.storage.gaps import TICKS, Break, Gap, Span, gaps_of
 from acqd.storage.schema import power, power_1min
-from acqd.timestamps import filetime
+from acqd.timestamps import filetime, unix_s
 
 _ON_THEIR_WAY = timedelta(seconds=5)  # rows younger than this need not be stored
 _NOMINAL_TICKS = TICKS * 40 // 1000
@@ -146,12 +146,21 @@ def completeness(
             if not stream.stored % _PORTION:
                 progress((row[4] - span.begin) / (span.end - span.begin))
     for key, stream in streams.items():
-        first.setdefault(key, stream.breaks[0].filetime)
+        oldest = stream.breaks[0].filetime
+        if oldest - first.setdefault(key, oldest) < TICKS * 60 and first[key] >= span.begin:
+            first[key] = oldest  # of the first roll-up ever, the minute is known
     keys = sorted(key for key in first if device is None or key[0] == device)
     return [
         _report(key, begin, Span(max(span.begin, first[key]), span.end), streams.get(key), rolled.get(key, 0))
         for key in keys
     ]
+
+
+def first_day(engine: sa.Engine) -> date | None:
+    """Day (UTC) of the oldest row; None: there is none."""
+    with engine.connect() as connection:
+        oldest = connection.scalar(sa.select(sa.func.min(power.c.filetime)))
+    return None if oldest is None else datetime.fromtimestamp(unix_s(oldest), UTC).date()
 
 
 def _report(key: _Key, day: datetime, span: Span, stream: _Stream | None, rolled: int) -> Completeness:

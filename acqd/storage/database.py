@@ -20,6 +20,7 @@ from acqd.extras import install_command
 from acqd.storage.away import DatabaseAwayError
 from acqd.storage.conversion import convert
 from acqd.storage.outage import is_outage
+from acqd.storage.remedies import remedy
 from acqd.storage.url import parse_url, shown
 
 _PATIENCE_S = 30.0
@@ -59,6 +60,7 @@ def open_database(url: str, *, create: bool = True, hold: bool = True) -> sa.Eng
     them.
     """
     engine = engine_for(url, hold=hold)
+    sa.event.listen(engine, "handle_error", _named)
     if not create:
         _require_file(engine)
         _check_tables(engine)
@@ -106,7 +108,7 @@ def prepare(engine: sa.Engine, *, create: bool = True) -> None:
     except sa.exc.DBAPIError as error:
         reason, permanent = first_line(error), not is_outage(error)
         foreign = permanent and not isinstance(error, sa.exc.OperationalError)
-        advice = "is it another program's file?" if foreign else _advice(engine)
+        advice = remedy(reason) or ("is it another program's file?" if foreign else _advice(engine))
         if _lacks_rights(error):
             advice = _RIGHTS
         elif "already exists" in reason:
@@ -136,6 +138,8 @@ def unanswered(error: BaseException) -> str | None:
         return f"{name}: {reason}; {_RIGHTS}"
     if reason.startswith(_OTHER_TABLES) or state in _OTHER_TABLES_STATES:
         return f"{name}: {reason}; it is no database of this version of acqd; a sink makes and upgrades the tables"
+    if (advice := remedy(reason)) is not None:
+        return f"{name}: {reason}; {advice}"
     if is_outage(error) or isinstance(error, sa.exc.OperationalError):
         return f"{name}: {reason}; check that it answers, and try again"
     return f"{name}: {reason}; is it another program's file?" if type(error) is sa.exc.DatabaseError else None

@@ -12,6 +12,7 @@ from alembic.script import ScriptDirectory
 from acqd.errors import UserError
 from acqd.extras import install_command
 from acqd.storage.database import MIGRATIONS
+from acqd.storage.remedies import remedy
 from acqd.storage.url import parse_url, shown
 
 _VERSION = "SELECT version_num FROM alembic_version"
@@ -27,8 +28,9 @@ def inspect_database(url: str) -> str:
         else:
             tables, version = _look_server(parsed)
     except (sqlite3.Error, sa.exc.DBAPIError) as error:
-        reason = str(getattr(error, "orig", error)).strip() or type(error).__name__
-        raise UserError(f"database {shown(parsed)}: {reason.splitlines()[0]}") from None
+        reason = (str(getattr(error, "orig", error)).strip() or type(error).__name__).splitlines()[0]
+        advice = remedy(reason)
+        raise UserError(f"database {shown(parsed)}: {reason}{'; ' if advice else ''}{advice or ''}") from None
     except ModuleNotFoundError as error:
         raise UserError(
             f"database {shown(parsed)} needs the {error.name} package: {install_command('postgres')}"
@@ -50,6 +52,8 @@ def _state(name: str, tables: set[str], version: str | None) -> str:
 
 def _look_sqlite(path: Path) -> tuple[set[str], str | None]:
     """Tables and schema version. Without a journal, `immutable` keeps SQLite from making one."""
+    if path.is_dir():
+        raise UserError(f"database {path}: is a folder; expected a file, such as {path / 'acqd.sqlite'}")
     if not path.stat().st_size:
         return set(), None
     journal = path.with_name(path.name + "-wal")

@@ -171,3 +171,21 @@ def test_rows_after_the_last_one_that_is_stored_wait_too(tmp_path, monkeypatch):
 
 def test_a_share_says_100_only_for_a_complete_day():
     assert _share(2_159_999, 2_160_000) == "99.99 %" and _share(7, 7) == "100.00 %" and _share(0, 0) == "-"
+
+
+def test_a_day_before_the_first_row_is_answered_with_the_first_day_whatever_waits(tmp_path):
+    """On the day of an installation, `--day yesterday` has no rows; those of today are stored."""
+    path, state = tmp_path / "a.sqlite", tmp_path / "state"
+    store(open_database(str(path)), [at(k) for k in range(10)])
+    Spool(state / "spool-cell1").append([SpooledRow(Stream("cell1", "L1", "boot1"), k, b"row") for k in range(10, 15)])
+    (config := tmp_path / "acqd.toml").write_text(f'state_dir = "{state}"\n')
+    done = acqd_here("sink", "completeness", "--config", config, "--day", "2023-11-14", "--database", path)
+    assert done.returncode == 1 and "the first day with rows is 2023-11-15" in done.stderr
+
+
+def test_roll_ups_of_the_first_minute_make_no_gap_before_the_first_row(database):
+    engine = open_database(database)
+    store(engine, [at(k, MIDNIGHT + 30) for k in range(90)])
+    before = report(engine, until_s=120.0)
+    maintain(engine, Retention(), MIDNIGHT + 3600)
+    assert report(engine, until_s=120.0) == before and before[0].gaps == [] and before[0].stored == 90
