@@ -31,6 +31,7 @@ def broker_checks(config: Config, away: State = "warn") -> Iterator[Finding]:
         yield Finding("broker", "warn", "mqtt.enabled is false", "no row is published")
         return
     yield from _secrets(config)
+    yield from name_check(config)
     try:
         address = config.mqtt.address(warn=False)
         tls = address.tls_context()
@@ -57,6 +58,19 @@ def broker_checks(config: Config, away: State = "warn") -> Iterator[Finding]:
     yield from _other_logins(config)
     if is_loopback(address.host) and not config.broker.embedded:
         yield from _delay()
+
+
+def name_check(config: Config) -> Iterator[Finding]:
+    """Whether the daemon's user is a device of this configuration, as the access rules that acqd brings demand.
+
+    Where other services have users of their own (`sink` ... in [mqtt]), `username` is the daemon's.
+    """
+    user, devices = config.mqtt.username, config.devices
+    if config.mqtt.enabled and config.mqtt.users and user not in (None, config.device, *devices):
+        finding = (
+            f"rows of {', '.join(devices)} go out as {user}: config/mosquitto.acl lets a user write its own name only"
+        )
+        yield Finding("mqtt.username", "warn", finding, "write the device's name, or rules of your own")
 
 
 def _secrets(config: Config) -> Iterator[Finding]:
@@ -104,7 +118,8 @@ def _login(address: BrokerAddress, tls: ssl.SSLContext | None) -> Finding:
         )
     if answers[0]:
         who = f" of {address.username}" if address.username else ""
-        advice = "check username and password; has the broker read its password file since?"
+        advice = "check username and password; has the broker read its password file since? Else delete "
+        advice += "/etc/acqd/USER.password, and acqd service install makes another one"
         return Finding("broker", "fail", f"{address} refuses the login{who}: {answers[0]}", advice)
     name = f" as {address.username}" if address.username else ", without a password"
     return Finding("broker", "ok", f"{address} lets this configuration in{name}")

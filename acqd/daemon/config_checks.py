@@ -6,20 +6,20 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
-from acqd.daemon.broker_checks import OPEN_TO_ALL, broker_checks
+from acqd.daemon.broker_checks import OPEN_TO_ALL, broker_checks, name_check
 from acqd.daemon.checks import database_check
 from acqd.daemon.config import Config
 from acqd.daemon.finding import Finding
 from acqd.errors import UserError
 from acqd.section import Section
 from acqd.telemetry import certificates
+from acqd.telemetry.mqtt import BrokerAddress, is_loopback
 
 
 def config_checks(config: Config, *, connect: bool) -> list[Finding]:
     """Passwords, certificates, files and folders; with `connect` also the broker for every user, and the database."""
-    found = [*_logins(config), *_places(config), *_secrets(config)]
-    if connect:
-        found += [*broker_checks(config, away="fail"), database_check(config)]
+    found = [*_logins(config), *_ports(config), *_places(config), *_secrets(config)]
+    found += [*broker_checks(config, away="fail"), database_check(config)] if connect else name_check(config)
     return found
 
 
@@ -36,13 +36,39 @@ def _logins(config: Config) -> Iterator[Finding]:
         except UserError as error:
             yield Finding(name, "fail", f"{who}: {error}", "is its file there, and may this user read it (sudo)?")
             continue
-        if unreadable := [path for path in (address.ca_file, address.cert_file, address.key_file) if _closed(path)]:
-            yield Finding(name, "fail", f"{unreadable[0]} cannot be read", "is it there, and may this user read it?")
+        files = {key: getattr(address, key) for key in ("ca_file", "cert_file", "key_file")}
+        if unreadable := [f"{key}: {path} cannot be read" for key, path in files.items() if _closed(path)]:
+            yield Finding(name, "fail", f"{who}: {unreadable[0]}", "is it there, and may this user read it?")
+        elif wrong := _no_certificates(address):
+            yield Finding(name, "fail", f"{who}: {wrong}", "another file, or leave the key out")
+        elif address.password is not None and login.username is None:
+            yield Finding(name, "warn", "a password without username: brokers do not look at it", "add username")
         elif why:
             yield Finding(name, "warn", f"{who}: {why}", "make another one (config/make-certificates.sh)")
         else:
             password = "" if address.password is not None else ", no password"
             yield Finding(name, "ok", f"{who} at {address}{password}")
+
+
+def _no_certificates(address: BrokerAddress) -> str:
+    """What in the files is no certificate or no key; else empty."""
+    try:
+        address.tls_context()
+    except UserError as error:
+        return str(error)
+    return ""
+
+
+def _ports(config: Config) -> Iterator[Finding]:
+    """Services of one computer that want the same port: the second one to start has none."""
+    wanted: dict[int, list[str]] = {}
+    ours = {"health.port": config.health.port, "health.sink_port": config.health.sink_port, "web.port": config.web.port}
+    broker = {"mqtt.port": config.mqtt.port} if is_loopback(config.mqtt.host) else {}
+    for key, port in {**ours, **broker, "opcua.port": dict(config)["opcua"].port}.items():
+        wanted.setdefault(port, []).append(key)
+    for port, keys in wanted.items():
+        if port and len(keys) > 1:
+            yield Finding("ports", "fail", f"{' and '.join(keys)} are all {port}", "give each a port of its own")
 
 
 def _places(config: Config) -> Iterator[Finding]:
@@ -57,6 +83,8 @@ def _places(config: Config) -> Iterator[Finding]:
         path = Path(path)
         if not path.exists():
             yield Finding(key, "fail", f"{path.absolute()} does not exist", "make it, or change the key")
+        elif key in ("state_dir", "archive.folder") and not path.is_dir():
+            yield Finding(key, "fail", f"{path.absolute()} is a file, not a folder", "move it away, or change the key")
         elif not os.access(path, os.R_OK):
             yield Finding(key, "fail", f"this user may not read {path}", "sudo, or other permissions")
         else:

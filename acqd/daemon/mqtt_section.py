@@ -125,7 +125,7 @@ class MqttSection(Section):
 
     def address(self, *, warn: bool = True) -> BrokerAddress:
         """Where and how to connect; `warn`: of a password in clear text. Raises UserError for an unreadable file."""
-        password = self.password if self.password_file is None else _secret(self.password_file)
+        password = self.password if self.password_file is None else _secret(self.password_file, self.username)
         files = {name: _expanded(name, getattr(self, name)) for name in ("ca_file", "cert_file", "key_file")}
         address = BrokerAddress(self.host, self.port, self.username, password, self.uses_tls, **files)
         if warn and address.exposes_password:
@@ -143,21 +143,27 @@ def _one_password(section: MqttSection | BrokerUser) -> None:
         raise ValueError("password and password_file are set: delete one of the two")
 
 
-def _expanded(key: str, path: Path | None) -> Path | None:
-    """A path below $CREDENTIALS_DIRECTORY as a real one. Raises UserError without that folder."""
+def _expanded(key: str, path: Path | None, file: str = "") -> Path | None:
+    """A path below $CREDENTIALS_DIRECTORY as a real one. Raises UserError without that folder.
+
+    `file`: what root reads instead beside an installed configuration.
+    """
     if path is None or not in_credentials(path):
         return path
     folder = os.environ.get(_CREDENTIALS[1:])
     if folder is None:
-        raise UserError(f"mqtt.{key}: no credentials here; systemd passes them with LoadCredential= in the unit")
+        raise UserError(
+            f"mqtt.{key}: no credentials here: systemd passes them to services (LoadCredential=), by hand root reads "
+            f"/etc/acqd/{file or path.name}; acqd service install makes it, --with SERVICE that of a further service"
+        )
     return Path(folder, *path.parts[1:])
 
 
-def _secret(path: Path) -> str:
+def _secret(path: Path, user: str | None) -> str:
     """The first line of a password file. Its path is not repeated: it may be a password in the wrong place."""
     hint = "expected the path of a file that holds nothing but the password"
     try:
-        lines = (_expanded("password_file", path) or path).read_text(encoding="utf-8").splitlines()
+        lines = (_expanded("password_file", path, f"{user}.password") or path).read_text(encoding="utf-8").splitlines()
     except OSError as error:
         raise UserError(f"the password file (mqtt.password_file) cannot be read ({error.strerror}); {hint}") from None
     except ValueError:

@@ -39,11 +39,15 @@ class BrokerAddress:
                 path = getattr(self, name)
                 if path is not None and not path.exists():
                     raise UserError(f"TLS for {self}: {name} {path}: no such file; check its path")
+            wrong = f"ca_file {self.ca_file}: holds no certificate in PEM"
             context = ssl.create_default_context(cafile=str(self.ca_file) if self.ca_file else None)
             context.minimum_version = ssl.TLSVersion.TLSv1_2  # RFC 8996
             if self.cert_file:
-                context.load_cert_chain(self.cert_file, self.key_file)
-        except (OSError, ssl.SSLError) as error:
+                wrong = f"cert_file {self.cert_file} and key_file {self.key_file}: no certificate with its key in PEM"
+                context.load_cert_chain(self.cert_file, self.key_file, password="")  # asks nobody for a passphrase
+        except ssl.SSLError:
+            raise UserError(f"TLS for {self}: {wrong}; config/make-certificates.sh makes such files") from None
+        except OSError as error:
             raise UserError(f"TLS for {self}: {error}; check ca_file, cert_file and key_file") from None
         return context
 
