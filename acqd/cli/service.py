@@ -18,7 +18,7 @@ from acqd.errors import UserError
 from acqd.installation.install import install as carry_out
 from acqd.installation.install import remove as undo
 from acqd.installation.install import update as refresh
-from acqd.installation.plan import SERVICES, Wanted, default_program
+from acqd.installation.plan import LOGINS, SERVICES, Wanted, check_path, default_program
 from acqd.installation.root import Root
 from acqd.telemetry.topics import valid_device
 
@@ -73,6 +73,8 @@ def install(
         chosen = tuple(SERVICES)
     if device is not None and not valid_device(device):
         raise UserError(f"--device {device!r}: expected letters, digits, . _ -")
+    if device in LOGINS.values():
+        raise UserError(f"--device {device}: a service of that name logs in at the broker; choose another one")
     path = _program(program)
     system = Root(root)
     wanted = Wanted(path, chosen, device, tuple(rights or ()), archive, broker)
@@ -162,6 +164,8 @@ def restore(
     from acqd.installation.restore import restore as put_in_place
     from acqd.installation.restore import verify
 
+    if check and yes:
+        raise UserError("service restore: --check changes nothing, and --yes replaces what is there: give one")
     system = Root(root)
     verified = verify(system, file) if check else put_in_place(system, file, _program(program), overwrite=yes)
     manifest = verified.manifest
@@ -215,6 +219,8 @@ def _print_states(found: list[State]) -> None:
 
 def _program(given: str | None) -> str:
     """The command acqd, as units name it."""
+    if given is not None:
+        check_path("--program", given)
     return given or default_program(shutil.which(sys.argv[0]) or sys.argv[0])
 
 

@@ -73,6 +73,9 @@ def _carry_out(wanted: Wanted, present: Present, root: Root) -> None:
     if wanted.broker:
         require_broker(root)
     wanted = replace(wanted, passwords=_missing_passwords(wanted, root))
+    root.require_places([*files_of(wanted), *([File(_PASSWORDS, "")] if wanted.broker else [])])
+    if wanted.archive and (folder := root.at(wanted.archive)).exists() and not folder.is_dir():
+        raise UserError(f"--archive {wanted.archive}: is a file, not a folder; choose another one")
     make_user(wanted, root)
     for file in files_of(wanted):
         root.write(file)
@@ -189,7 +192,11 @@ def _missing_passwords(wanted: Wanted, root: Root) -> dict[str, str]:
     """New passwords of users of the broker that have none yet."""
     if not wanted.broker:
         return {}
-    return {user: new_password() for user in users_of(wanted) if not root.at(f"/etc/acqd/{user}.password").exists()}
+    files = {user: root.at(f"/etc/acqd/{user}.password") for user in users_of(wanted)}
+    for file in files.values():
+        if file.is_file() and not file.read_text(encoding="utf-8").strip():
+            raise UserError(f"{file}: is empty; delete it, and a new password is made")
+    return {user: new_password() for user, file in files.items() if not file.exists()}
 
 
 def _write_passwords(wanted: Wanted, root: Root) -> None:

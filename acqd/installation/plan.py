@@ -158,10 +158,15 @@ def _service_files(wanted: Wanted, service: str) -> list[File]:
     return made
 
 
+def check_path(option: str, path: str) -> None:
+    """Raises UserError for a path that a unit could not name."""
+    if not re.fullmatch(r"(/[\w.@+-]+)+", path) or ".." in path.split("/"):
+        raise UserError(f"{option} {path!r}: expected an absolute path of letters, digits, . _ @ + -")
+
+
 def _check_archive(folder: str) -> None:
     """Raises UserError for a folder that the units could not use."""
-    if not re.fullmatch(r"(/[\w.@+-]+)+", folder) or ".." in folder.split("/"):
-        raise UserError(f"--archive {folder!r}: expected an absolute path of letters, digits, . _ @ + -")
+    check_path("--archive", folder)
     if any(folder == hidden or folder.startswith(f"{hidden}/") for hidden in _HIDDEN):
         raise UserError(f"--archive {folder}: the service does not see {', '.join(_HIDDEN)}; choose another folder")
 
@@ -181,6 +186,8 @@ def require_reachable(program: str) -> None:
                 f"{path}, which runs {program}: {why}; "
                 "make the environment with the Python of the system: /usr/bin/python3 -m venv /opt/acqd/.venv"
             )
+    if not Path(program).is_file() or not os.access(program, os.X_OK):
+        raise UserError(f"{program} is no program; expected the path of the command acqd")
 
 
 def _interpreter(program: Path) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
+from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 
@@ -59,6 +60,19 @@ class Root:
     def rooted(self, program: str, *arguments: str) -> None:
         """Run systemd-sysusers or systemd-tmpfiles on this root."""
         self.run(program, *([] if self.live else [f"--root={self.folder}"]), *arguments)
+
+    def require_places(self, files: Iterable[File]) -> None:
+        """Raises UserError where one of the files could not be written: before the first one is."""
+        for file in files:
+            path = self.at(file.path)
+            if path.is_dir() or (path.is_symlink() and not path.exists()):
+                kind = "a folder" if path.is_dir() else "a link that leads nowhere"
+                raise UserError(f"{path}: is {kind}, not a file; move it away")
+            folder = next(one for one in path.parents if one.exists() or one.is_symlink())
+            if not folder.is_dir():
+                raise UserError(f"{folder}: is no folder, but {path} belongs there; move it away")
+            if not os.access(folder, os.W_OK):
+                raise UserError(f"{folder} cannot be written, also not by root; is its disk mounted read-only?")
 
     def write(self, file: File) -> None:
         """Write a file unless it is there as wanted, or is to be kept."""

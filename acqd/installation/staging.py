@@ -59,6 +59,12 @@ class Staging:
         """Files outside of the two folders."""
         return [one for one in self.manifest.entries if one.sha256 and not one.path.startswith(_OURS)]
 
+    @property
+    def absent(self) -> list[Path]:
+        """Folders that are to be made, those within others first."""
+        places = [*map(self.beside, (CONFIG, STATE)), *map(self.place_of, self._elsewhere)]
+        return sorted({folder for place in places for folder in place.parents if not folder.exists()}, reverse=True)
+
     def unpack(self, path: Path) -> None:
         """Write every file, with owner and mode. Raises InputError."""
         for folder in (CONFIG, STATE):
@@ -107,6 +113,7 @@ def staged(root: Root, path: Path, manifest: Manifest, stamp: str) -> Iterator[t
     """A backup, unpacked and verified, with the rows of its databases; what is left at the end is deleted."""
     _check_places(path, manifest)
     staging = Staging(root, manifest, stamp)
+    absent = staging.absent
     try:
         staging.unpack(path)
         rows = staging.read(path)
@@ -116,6 +123,9 @@ def staged(root: Root, path: Path, manifest: Manifest, stamp: str) -> Iterator[t
         raise OperationError(f"{error.filename or path}: {error.strerror}; nothing is restored") from None
     finally:
         staging.clear()
+        for folder in absent:
+            with suppress(OSError):  # of a restore, they hold what was restored
+                folder.rmdir()
 
 
 def children(folder: Path) -> list[Path]:
