@@ -25,6 +25,7 @@ if TYPE_CHECKING:  # acqd run starts without it
 
 app = typer.Typer(invoke_without_command=True)
 _LIST_S = 2.0
+_LONGEST_NAME = 100
 _BUDGETS_S = 300.0
 """Time between two looks at the budgets."""
 _NOBODY = "[alarms] of acqd.toml names nobody to tell: set webhooks or mail_to there"
@@ -147,6 +148,8 @@ def acknowledge_command(
 
     Example: acqd alarms acknowledge cell-1/residual --by Ada
     """
+    if not by.isprintable() or len(by) > _LONGEST_NAME or (by and not by.strip()):
+        raise UserError(f"--by {by!r:.60}: expected a name of at most {_LONGEST_NAME} letters in one line")
     address = broker_address(config, host, port, "operator")
     if key not in {alarm["key"] for alarm in asyncio.run(_active(address))}:
         raise UserError(f"{key!r} is no active alarm; acqd alarms list shows the keys")

@@ -12,6 +12,7 @@ import orjson
 import typer
 
 from acqd.cli.options import ConfigFile, Host, Json, Port, configured
+from acqd.errors import UserError
 
 if TYPE_CHECKING:
     from sqlalchemy import Engine
@@ -45,6 +46,10 @@ def homeassistant(
     from acqd.integrations.homeassistant.section import HomeAssistantSection
     from acqd.integrations.service import serve
 
+    if once and remove:
+        raise UserError("bridge homeassistant: --once announces entities, and --remove takes them out: give one")
+    if device is not None and not remove:
+        raise UserError("bridge homeassistant: --device is for --remove; give that too, or leave it out")
     settings = configured(config, host, port, "bridge")
     section, address = settings.table(HomeAssistantSection), settings.mqtt.address()
     name = f"acqd-homeassistant-{socket.gethostname()}"

@@ -28,7 +28,10 @@ def doctor(
         float | None, typer.Option(min=1.0, max=600.0, help="Of --wiring: how long, in s (default 60).")
     ] = None,
     power: Annotated[
-        float | None, typer.Option(help="Of --wiring: W that the load takes; else a sidecar's prediction, if any.")
+        float | None,
+        typer.Option(
+            min=-1e9, max=1e9, help="Of --wiring: W that the load takes; else a sidecar's prediction, if any."
+        ),
     ] = None,
     rated: Annotated[
         float | None, typer.Option(min=1.0, help="Of --wiring: W that the load takes at most, from its nameplate.")

@@ -33,7 +33,9 @@ def en50160(
         str | None, typer.Option("--from", help="Start, UTC (default: seven days before the end).")
     ] = None,
     to: Annotated[str | None, typer.Option(help="End, UTC, not included (default: --days after the start).")] = None,
-    days: Annotated[float, typer.Option(min=0.01, max=366, help="Length of the period without --from and --to.")] = 7.0,
+    days: Annotated[
+        float | None, typer.Option(min=0.01, max=366, help="Length of the period without --from and --to (default 7).")
+    ] = None,
     f_nominal: Annotated[float, typer.Option(help="50 or 60 Hz.")] = 50.0,
     out: Annotated[Path | None, typer.Option(help="HTML report with pictures.")] = None,
     config: ConfigFile = None,
@@ -46,6 +48,7 @@ def en50160(
     """
     if f_nominal not in (50.0, 60.0):
         raise UserError(f"--f-nominal {f_nominal:g}: expected 50 or 60")
+    start, end = _span(begin, to, days)
     if out is not None:
         require_page(out)
         require("acqd en50160 --out", ("jinja2",), "lab")
@@ -54,7 +57,6 @@ def en50160(
     from acqd.storage.database import read_database
 
     engine = read_database(database or configured(config).sink.database)
-    start, end = _span(begin, to, days)
     period = read_period(engine, _device(engine, device), start, end)
     statistics, events = statistics_of(period, declared_voltage, f_nominal), event_classes(period)
     if out is not None:
@@ -77,9 +79,11 @@ def en50160(
         raise typer.Exit(1)
 
 
-def _span(begin: str | None, to: str | None, days: float) -> tuple[datetime, datetime]:
+def _span(begin: str | None, to: str | None, days: float | None) -> tuple[datetime, datetime]:
     """The period: between two times, or so many days after or before one of them, or before now. Raises UserError."""
-    length = timedelta(days=days)
+    if begin is not None and to is not None and days is not None:
+        raise UserError("--from, --to and --days: two of them make a period; leave one out")
+    length = timedelta(days=7.0 if days is None else days)
     if begin is not None:
         start = _moment("--from", begin)
         end = start + length if to is None else _moment("--to", to)

@@ -57,7 +57,7 @@ def page_command(
     settings = _settings(config, tariff)
     require_page(out)
     told = _found(fleet)
-    heard = None if no_broker else _listen(settings)
+    heard = None if no_broker else _listen(settings, "; --no-broker leaves states and alarms out")
     with progress(terminal(stderr=True)) as show:
         engine = read_database(database or settings.sink.database)
         plant = read_plant(engine, rules_of(settings.energy), time.time(), heard, told, show)
@@ -160,12 +160,16 @@ def _settings(config: Path | None, tariff: Path | None) -> Config:
     return settings
 
 
-def _listen(settings: Config) -> Heard:
+def _listen(settings: Config, otherwise: str = "") -> Heard:
+    """What the broker has retained. Raises UserError, with what can be done `otherwise`."""
     from acqd.plant.heard import listen
     from acqd.plant.remembered import file_of, remember
 
-    address = settings.mqtt.address()
-    heard = listen(address)
+    try:
+        address = settings.mqtt.address()
+        heard = listen(address)
+    except UserError as error:
+        raise UserError(f"{error}{otherwise}") from None
     remember(heard, file_of(str(address)))
     return heard
 

@@ -51,6 +51,13 @@ app.add_typer(
 Database = Annotated[str | None, typer.Option(help="SQLite file or URL (default acqd.sqlite, or the config's).")]
 
 
+def _group(name: str | None) -> str | None:
+    """Callback of --group: a part of a topic (MQTT 5, section 4.8.2)."""
+    if name is not None and (set(name) & set("/+# ") or not name.isprintable()):
+        raise typer.BadParameter("expected a name without blanks, / + and #")
+    return name
+
+
 @app.callback()
 def sink(
     context: typer.Context,
@@ -59,7 +66,9 @@ def sink(
     host: Host = None,
     port: Port = None,
     duration: Annotated[float | None, typer.Option(min=0.1, help="Stop after so many seconds.")] = None,
-    group: Annotated[str | None, typer.Option(help="Share the rows with the other sinks of this group.")] = None,
+    group: Annotated[
+        str | None, typer.Option(callback=_group, help="Share the rows with the other sinks of this group.")
+    ] = None,
     embedded: Annotated[int | None, typer.Option("--embedded", hidden=True, help="Process id of its daemon.")] = None,
     json: Json = False,
 ) -> None:

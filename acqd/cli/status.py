@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import asdict
 from enum import StrEnum
 from typing import Annotated, Any
@@ -47,6 +48,9 @@ def status(
     ]
     if not answers:
         raise UserError("health.port and health.sink_port are 0: the services have no endpoints to ask")
+    for service in {*wanted} - {answer.service for answer in answers}:
+        key = "port" if service == "daemon" else "sink_port"
+        print(f"acqd: {service} is not asked: [health] {key} is 0", file=sys.stderr)
     healthy = all(answer.ready for answer in answers)
     if json:
         print(orjson.dumps({"healthy": healthy, "services": [asdict(answer) for answer in answers]}).decode())

@@ -70,7 +70,7 @@ def name_check(config: Config) -> Iterator[Finding]:
         finding = (
             f"rows of {', '.join(devices)} go out as {user}: config/mosquitto.acl lets a user write its own name only"
         )
-        yield Finding("mqtt.username", "warn", finding, "write the device's name, or rules of your own")
+        yield Finding("broker user", "warn", finding, "write the device's name, or rules of your own")
 
 
 def _secrets(config: Config) -> Iterator[Finding]:

@@ -153,6 +153,8 @@ def load_tariff(path: Path, zone: str | None = None) -> Tariff:
     except ValidationError as error:
         first = error.errors()[0]
         said = in_our_words(first["msg"])
+        if first["loc"][-1] in ("price", "feed_in", "surcharge") and "capacity" not in first["loc"]:
+            said += " in EUR/kWh"
         if first["type"] == "extra_forbidden" and len(first["loc"]) == 1:
             said += f" The keys are {', '.join(_File.model_fields)}"
         raise InputError(path, f"{place_in_file(first['loc'])}: {said}") from None

@@ -9,6 +9,7 @@ from acqd.cli.main import for_people
 from acqd.daemon.config_file import load_config
 from acqd.errors import UserError
 from acqd.telemetry.ports import bare_host
+from tests.commands import acqd_here, refused
 
 MISTAKES = {
     (
@@ -23,6 +24,8 @@ MISTAKES = {
     ("plan", "3", "--days", "1", "--days", "2"): "plan: --days is given more than once; leave one of them",
     ("service", "install", "--broker", "--no-broker"): "service install: --broker or --no-broker is given more than",
     ("alarms", "--port", "1", "--port", "2", "list"): "alarms: --port is given more than once; leave one of them",
+    ("doctor", "--wiring", "--power", "nan"): "doctor: --power: expected a number",
+    ("sink", "--group", "a/+"): "sink: --group: expected a name without blanks, / + and #",
     ("watch", "--host", ""): "watch: --host: expected a name or an address without blanks",
     ("watch", "--host", "a b"): "watch: --host: expected a name or an address without blanks",
     ("plan", "many"): "plan: N: expected a whole number; see acqd plan --help",
@@ -68,3 +71,30 @@ def test_a_host_is_a_name_without_scheme_and_port(host, tmp_path, capfd):
 @pytest.mark.parametrize("host", ["::1", "fe80::1%eth0", "fe80::1", "broker.hall-3.example.", "10.0.0.5"])
 def test_an_address_is_a_host(host):
     assert bare_host(host) == host
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("bridge", "homeassistant", "--once", "--remove"), "give one"),
+        (("bridge", "homeassistant", "--device", "a"), "--device is for --remove"),
+        (
+            ("en50160", "--declared-voltage", "230", "--from", "2026-11-01", "--to", "2026-11-08", "--days", "3"),
+            "leave",
+        ),
+    ],
+)
+def test_options_that_contradict_each_other_are_refused(words, said, tmp_path):
+    assert said in refused(acqd_here(*words, cwd=tmp_path))
+
+
+def test_a_plant_without_its_broker_is_told_how_to_do_without(tmp_path):
+    (tmp_path / "acqd.toml").write_text('[mqtt]\nhost = "broker.invalid"\n')
+    said = refused(acqd_here("plant", "page", "--config", "acqd.toml", cwd=tmp_path))
+    assert "broker.invalid" in said and said.endswith("--no-broker leaves states and alarms out")
+
+
+def test_a_service_without_a_port_is_not_forgotten(tmp_path):
+    (tmp_path / "acqd.toml").write_text("[health]\nport = 0\nsink_port = 9\n")
+    done = acqd_here("status", cwd=tmp_path)
+    assert done.returncode == 1 and "daemon is not asked: [health] port is 0" in done.stderr

@@ -19,7 +19,7 @@ CASES = {
     '[mqtt]\nca_file = "none.pem"\n': ("mqtt", "ca_file: none.pem cannot be read"),
     '[mqtt]\npassword = "x"\n': ("mqtt", "a password without username"),
     'device = "hall-4"\n[mqtt]\nusername = "hall-3"\npassword = "x"\nsink = { username = "s", password = "y" }\n': (
-        "mqtt.username",
+        "broker user",
         "rows of hall-4 go out as hall-3",
     ),
 }

@@ -285,3 +285,14 @@ def test_acknowledged_through_a_broker_by_the_command(mosquitto, tmp_path):
 
 async def run_into(results, scenario):
     results.append(await scenario)
+
+
+def test_damaged_lines_of_the_history_are_counted(tmp_path, caplog):
+    (path := tmp_path / "a.history.jsonl").write_bytes(b"\xff\xfe\n{}\n3\n")
+    assert read_history(path) == [] and "3 of 3 lines are damaged and left out" in caplog.text
+
+
+@pytest.mark.parametrize("name", ["Ada\nLovelace", "   ", "a" * 101])
+def test_who_acknowledges_is_a_name_in_one_line(name, tmp_path):
+    said = refused(acqd_here("alarms", "acknowledge", "hall/clock", "--by", name, "--port", "9", cwd=tmp_path))
+    assert "expected a name of at most 100 letters in one line" in said

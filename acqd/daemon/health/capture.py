@@ -46,7 +46,9 @@ class CapturePage:
             return _refusal(400, f"seconds: expected a number above 0, and {MOST_S:g} at most")
         waveform = self._in_loop(device, seconds)
         if waveform is None:
-            return _refusal(404, f"there are no samples of {device[:64]}" if device else _WHICH)
+            return _refusal(
+                404, f"there are no samples of {device[:64]}; acqd watch shows the devices" if device else _WHICH
+            )
         return 200, "application/octet-stream", npz_bytes(waveform)
 
     def _in_loop(self, device: str, seconds: float) -> Waveform | None:

@@ -38,7 +38,7 @@ RUNBOOK = (
         "no-answer",
         "`daemon: no answer at ...`",
         "`systemctl status acqd acqd-sink`: are both running? Another program on the port: `[health] port`",
-        r"no answer at|what answers at|answers at http",
+        r"no answer at|what answers at|answers at http|^doctor: ports",
     ),
     _entry(
         "no-rows",
@@ -87,7 +87,9 @@ RUNBOOK = (
     _entry(
         "broker-away",
         "`broker away: ...`",
-        "the sentence says why; `systemctl status mosquitto`; rows wait",
+        "the sentence says why; `systemctl status mosquitto`; rows wait. `not authorized`: `sudo acqd config check "
+        "--connect` names the user; delete `/etc/acqd/USER.password`, and `sudo acqd service install` makes another "
+        "password",
         r"broker away",
     ),
     _entry(
@@ -237,7 +239,7 @@ RUNBOOK = (
     ),
     _entry(
         "broker-settings",
-        "doctor: `broker`, `broker delay`, `secrets`",
+        "doctor: `broker`, `broker delay`, `broker user`, `secrets`",
         "`[mqtt]` of acqd.toml, `config/mosquitto.conf`; [security.md](security.md)",
         r"^doctor: (broker|secrets)",
     ),

@@ -75,6 +75,7 @@ def read_history(path: Path) -> list[dict[str, Any]]:
     except OSError as error:
         raise InputError(path, f"cannot be read ({error.strerror}); may this user read it (sudo)?") from None
     found: dict[tuple[str, str], dict[str, Any]] = {}
+    damaged = 0
     for line in lines:
         try:
             event = orjson.loads(line)
@@ -89,7 +90,9 @@ def read_history(path: Path) -> list[dict[str, Any]]:
             elif event["event"] == "resolved":
                 alarm["resolved"] = str(event["time"])
         except (orjson.JSONDecodeError, KeyError, TypeError):
-            continue
+            damaged += 1
+    if damaged:
+        _log.warning("%s: %d of %d lines are damaged and left out", path, damaged, len(lines))
     newest = sorted(found.values(), key=lambda alarm: str(alarm["since"]), reverse=True)
     later: dict[str, str] = {}
     for alarm in newest:  # an alarm of the same key and another cause took the place of this one
