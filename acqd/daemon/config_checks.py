@@ -68,7 +68,8 @@ def _ports(config: Config) -> Iterator[Finding]:
         wanted.setdefault(port, []).append(key)
     for port, keys in wanted.items():
         if port and len(keys) > 1:
-            yield Finding("ports", "fail", f"{' and '.join(keys)} are all {port}", "give each a port of its own")
+            both = "both" if len(keys) == 2 else "all"
+            yield Finding("ports", "fail", f"{' and '.join(keys)} are {both} {port}", "give each a port of its own")
 
 
 def _places(config: Config) -> Iterator[Finding]:

@@ -10,9 +10,9 @@ from acqd.errors import UserError
 from tests.commands import acqd_here, refused
 
 CASES = {
-    "[health]\nport = 9000\nsink_port = 9000\n": ("ports", "health.port and health.sink_port are all 9000"),
-    "[health]\nport = 8731\n": ("ports", "health.port and web.port are all 8731"),
-    "[health]\nport = 1883\n": ("ports", "health.port and mqtt.port are all 1883"),
+    "[health]\nport = 9000\nsink_port = 9000\n": ("ports", "health.port and health.sink_port are both 9000"),
+    "[health]\nport = 8731\n": ("ports", "health.port and web.port are both 8731"),
+    "[health]\nport = 1883\n": ("ports", "health.port and mqtt.port are both 1883"),
     'state_dir = "file"\n': ("state_dir", "file is a file, not a folder"),
     '[mqtt]\nca_file = "file"\n': ("mqtt", "ca_file file: holds no certificate in PEM"),
     '[mqtt]\ncert_file = "file"\nkey_file = "file"\n': ("mqtt", "no certificate with its key in PEM"),

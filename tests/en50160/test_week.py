@@ -72,8 +72,8 @@ def database(tmp_path_factory):
 
 
 def report(database, *words):
-    common = ("en50160", "--database", database, "--declared-voltage", 230, "--from", "2025-06-16", "--days", 1)
-    return acqd_here(*common, *words)
+    day = () if "--from" in words else ("--from", "2025-06-16", "--days", 1)
+    return acqd_here("en50160", "--database", database, "--declared-voltage", 230, *day, *words)
 
 
 @pytest.fixture(scope="module")
