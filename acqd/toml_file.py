@@ -17,6 +17,7 @@ _TWICE = ("Cannot overwrite a value", "Cannot declare", "Cannot redefine", "Cann
 _VALUE = "expected text in quotes, a number such as 0.5, true, false or a [list]"
 _WORDS = (
     ("Invalid value", f"{{what}}: {_VALUE}"),
+    ("Illegal character '\\n'", "{what}: the closing quote is missing"),
     ("Expected newline", "{what}: expected one value a line, numbers with a point and without a unit"),
     ("Invalid statement", "expected key = value, or [section]"),
     ("Expected '=' after a key", "expected key = value, or [section]"),

@@ -20,6 +20,7 @@ MISTAKES = {
     "mqtt:\n  port: 1\n": "line 1: expected key = value, or [section]",
     f"port = {'9' * 6000}": "a number has too many digits",
     f"a = {'[' * 5000}": "lists or tables are nested too deeply",
+    '[mqtt]\nhost = "127.0.0.1\nport = 1883\n': "line 2: host: the closing quote is missing",
     "price = 0,30\n": "line 1: price: expected one value a line, numbers with a point and without a unit",
     "[sink]\nkeep_days = 30 d\n": "line 2: keep_days: expected one value a line",
 }

@@ -21,6 +21,7 @@ from acqd.cli.options import ConfigFile, Json, config_file
 from acqd.errors import UserError
 
 if TYPE_CHECKING:
+    from acqd.daemon.config import Config
     from acqd.daemon.finding import Finding
 
 app = typer.Typer(help="The configuration file.", no_args_is_help=True)
@@ -73,7 +74,8 @@ def check(
     from acqd.daemon.config_file import load_config
 
     file = _chosen(path, config)
-    findings = [*_keys(file), *config_checks(load_config(file), connect=connect)]
+    settings = load_config(file)
+    findings = [*_keys(file), *_tariff(settings), *config_checks(settings, connect=connect)]
     if json:
         print(orjson.dumps([asdict(finding) for finding in findings]).decode())
     else:
@@ -152,6 +154,17 @@ def _chosen(path: Path | None, config: Path | None) -> Path:
     if file is None:
         raise UserError("no acqd.toml here and in /etc/acqd: name a file, or acqd config init")
     return file
+
+
+def _tariff(config: Config) -> Iterator[Finding]:
+    """Of a zone that nobody knows, or a tariff that cannot be used."""
+    from acqd.daemon.finding import Finding
+    from acqd.energy.rules import rules_of
+
+    try:
+        rules_of(config.energy)
+    except UserError as error:
+        yield Finding("energy", "fail", str(error), "see [energy] in the configuration")
 
 
 def _keys(file: Path) -> Iterator[Finding]:

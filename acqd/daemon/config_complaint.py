@@ -30,7 +30,8 @@ def complaint(fault: Any) -> str:
     if fault["type"] == "union_tag_invalid":
         return f"source.kind: {fault['input'].get('kind')!r} is unknown, expected one of {', '.join(_KINDS)}"
     if fault["type"] != "extra_forbidden":
-        expected = _EXPECTED.get(key) or in_our_words(fault["msg"])
+        pattern = fault.get("ctx", {}).get("pattern", "") if fault["type"] == "string_pattern_mismatch" else ""
+        expected = f"expected {PATTERNS[pattern]}" if pattern in PATTERNS else in_our_words(fault["msg"])
         return f"{key}: {expected}{_got(key, fault['input'])}"
     foreign = [name for name, section in _KINDS.items() if key.removeprefix("source.") in section.model_fields]
     if kind and foreign:
@@ -61,12 +62,19 @@ _KINDS: dict[str, type[Section]] = {
 _CORRECTIONS = [f"source.correction.{name}" for name in CorrectionSection.model_fields]
 SECRET = {"password", "password_file", "database", "username", "token", "url", "webhooks", "smtp_password"}
 """Keys whose values are not shown."""
-_NET_ID = "expected six numbers like 5.12.34.56.1.1"
-_EXPECTED = {
-    "source.ams_net_id": _NET_ID,
-    "source.local_net_id": _NET_ID,
-    "source.range_object": "expected index:subindex in hexadecimal like F800:01, or nothing",
+PATTERNS = {
+    r"^\d{1,3}(\.\d{1,3}){5}$": "six numbers like 5.12.34.56.1.1",
+    r"^([0-9A-Fa-f]{4}:[0-9A-Fa-f]{2})?$": "index:subindex in hexadecimal like F800:01, or nothing",
+    r"^[A-Za-z0-9_-]+$": "letters, digits, - and _",
+    r"^[A-Za-z0-9_.-]+$": "letters, digits, . - and _",
+    r"^[A-Za-z0-9_-]+(/[A-Za-z0-9_-]+)*$": "a topic of letters, digits, - and _",
+    r"^[^/+#\s]+(/[^/+#\s]+)*$": "a topic without blanks, + and #",
+    r"^[^/+#\s]{1,64}$": "1 to 64 letters without blanks, / + and #",
+    r"^[^/+#]*$": "a name without / + and #",
+    r"^https?://": "an address that begins with http:// or https://",
+    r"^[^@\s]+@[^@\s]+$": "a mail address like ada@example.org",
 }
+"""Patterns of keys in words."""
 
 
 def known_keys() -> list[str]:

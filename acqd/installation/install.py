@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 from acqd.errors import OperationError, UserError
 from acqd.installation.broker_access import new_password, with_passwords
@@ -193,17 +194,33 @@ def _missing_passwords(wanted: Wanted, root: Root) -> dict[str, str]:
     if not wanted.broker:
         return {}
     files = {user: root.at(f"/etc/acqd/{user}.password") for user in users_of(wanted)}
-    for file in files.values():
-        if file.is_file() and not file.read_text(encoding="utf-8").strip():
-            raise UserError(f"{file}: is empty; delete it, and a new password is made")
+    for file in [file for file in files.values() if file.is_file()]:
+        _password(file)
+    _text(root.at(_PASSWORDS))
     return {user: new_password() for user, file in files.items() if not file.exists()}
+
+
+def _password(file: Path) -> str:
+    """The one line of a password file. Raises UserError."""
+    lines = _text(file).split("\n")
+    if not lines[0].strip() or any(lines[1:]):
+        what = "is empty" if not any(lines) else "is not one line"
+        raise UserError(f"{file}: {what}; delete it, and a new password is made")
+    return lines[0].strip()
+
+
+def _text(file: Path) -> str:
+    """The text of a file, empty where none is. Raises UserError."""
+    try:
+        return file.read_text(encoding="utf-8") if file.is_file() else ""
+    except UnicodeDecodeError:
+        raise UserError(f"{file}: is no text; move it away, and a new one is made") from None
 
 
 def _write_passwords(wanted: Wanted, root: Root) -> None:
     """The broker's file of passwords, which `remove` deletes: of all users of this installation."""
     path = root.at(_PASSWORDS)
-    lines = path.read_text(encoding="utf-8") if path.exists() else ""
-    others = [line for line in lines.splitlines() if line.partition(":")[0] not in wanted.passwords]
+    others = [line for line in _text(path).splitlines() if line.partition(":")[0] not in wanted.passwords]
     files = {user: root.at(f"/etc/acqd/{user}.password") for user in users_of(wanted)}
-    passwords = {user: file.read_text(encoding="utf-8").strip() for user, file in files.items()}
+    passwords = {user: _password(file) for user, file in files.items()}
     root.write(File(_PASSWORDS, with_passwords("\n".join(others), passwords), 0o640, "mosquitto"))

@@ -77,8 +77,9 @@ class Root:
     def write(self, file: File) -> None:
         """Write a file unless it is there as wanted, or is to be kept."""
         path = self.at(file.path)
-        if path.exists() and (file.keep or path.read_text(encoding="utf-8") == file.text):
-            if file.path.endswith(".acl") and path.read_text(encoding="utf-8") != file.text:
+        same = path.exists() and path.read_bytes() == file.text.encode()
+        if same or (file.keep and path.exists()):
+            if file.path.endswith(".acl") and not same:
                 self.done.append(f"kept {file.path}, which differs from the rules of this version: compare them")
             return
         path.parent.mkdir(parents=True, exist_ok=True)

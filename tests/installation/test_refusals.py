@@ -19,6 +19,15 @@ def text(path, content=""):
     path.write_text(content)
 
 
+def two_lines(path):
+    text(path, "one\ntwo\n")
+
+
+def binary(path):
+    text(path)
+    path.write_bytes(b"\xff\xfe\x00")
+
+
 def dangling(path):
     path.parent.mkdir(parents=True, exist_ok=True)
     path.symlink_to("nowhere")
@@ -29,6 +38,8 @@ PLACES = {
     "etc/systemd/system/acqd.service": (folder, "is a folder, not a file; move it away"),
     "etc/acqd/acqd.toml": (dangling, "is a link that leads nowhere, not a file; move it away"),
     "etc/acqd/box.password": (text, "is empty; delete it, and a new password is made"),
+    "etc/acqd/acqd-sink.password": (two_lines, "is not one line; delete it, and a new password is made"),
+    "etc/acqd/viewer.password": (binary, "is no text; move it away, and a new one is made"),
     "etc/mosquitto/acqd.passwords": (folder, "is a folder, not a file; move it away"),
 }
 
