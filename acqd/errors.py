@@ -81,6 +81,8 @@ def no_folder(path: Path) -> str:
 
 _PYDANTIC = (
     (r"^Value error, ", ""),
+    (r"^Input is not a valid path\b.*", "expected a path in quotes"),
+    (r"^Unable to parse input string as an integer, exceeded maximum size", "expected a smaller number"),
     (r"Input should be a valid integer", "expected a whole number"),
     (r"Input should be a valid dictionary( or instance of \w+)?", "expected a table of keys and values"),
     (r"Input should be a valid (\w+)", r"expected a \1"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, field_validator
 
 ARRAY = Field(strict=False)
 """Of a field that is a tuple here: TOML has arrays. The array's items stay strict."""
@@ -23,9 +23,16 @@ def _usable(path: Path) -> Path:
         raise ValueError("names the home of an unknown user; write the whole path") from None
 
 
+def _named(value: Any) -> Any:
+    """The value, unless it is an empty text, which would mean the folder of the moment. Raises ValueError."""
+    if value == "":
+        raise ValueError("expected a path; leave the key out for none")
+    return value
+
+
 _LONGEST = 65_535
 """Bytes of a text in MQTT (OASIS standard 5.0, section 1.5.4): of a name, a password, a topic."""
-FileName = Annotated[Path, Field(strict=False), AfterValidator(_usable)]
+FileName = Annotated[Path, Field(strict=False), BeforeValidator(_named), AfterValidator(_usable)]
 """A path, which TOML writes as text."""
 
 

@@ -69,7 +69,7 @@ class SinkSection(Section):
     """MQTT -> SQL."""
 
     embedded: bool = False
-    database: str = Field(default="acqd.sqlite", repr=False)
+    database: str = Field(default="acqd.sqlite", min_length=1, repr=False)
     client_id: BrokerName = Field(default_factory=lambda: f"acqd-sink-{socket.gethostname()}", min_length=1)
     group: Annotated[BrokerName, Field(pattern=r"^[^/+#]*$")] = ""
     batch: Annotated[int, Field(ge=1, le=50_000)] = 2_000

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
 from acqd.daemon.config import Config
-from acqd.daemon.config_complaint import PATTERNS
+from acqd.daemon.config_complaint import PATTERNS, known_keys
+from acqd.daemon.config_file import load_config
+from acqd.errors import UserError
 from tests.commands import acqd_here, refused
 
 
@@ -41,3 +45,31 @@ def test_a_check_says_what_a_key_wants(text, said, tmp_path):
     assert done.returncode in (1, 2) and said in done.stdout + done.stderr
     if done.returncode == 2:
         assert said in refused(done)
+
+
+VALUES = ("'x y/#'", "''", "-1", "nan", "inf", "1e400", "[]", "[[]]", "{}", "{a=1}", "true", "2026-01-01", "12:00:00",
+          "99999999999999999999", '"\\u0000"', "'ü'", f"'{'a' * 300}'")  # fmt: skip
+
+
+@pytest.mark.parametrize("section", sorted({key.partition(".")[0] for key in known_keys()}))
+def test_a_wrong_value_of_any_key_is_one_line_in_our_words(section, tmp_path):
+    """Wrong types, units, dates, names: taken, or refused with file, key and what was expected."""
+    path, refusals = tmp_path / "a.toml", 0
+    for key in [key for key in known_keys() if key.partition(".")[0] == section]:
+        table, _, name = key.rpartition(".")
+        for value in VALUES:
+            path.write_text(f"[{table}]\n{name} = {value}\n" if table else f"{name} = {value}\n", encoding="utf-8")
+            try:
+                load_config(path)
+            except UserError as error:
+                said, refusals = str(error), refusals + 1
+                assert said.startswith(f"{path}: ") and section in said and "\n" not in said
+                assert not re.search(r"Input |String should|<class|Unable to parse|match pattern|Errno", said), said
+    assert refusals
+
+
+@pytest.mark.parametrize("key", ["state_dir", "sink.database", "energy.tariff", "mqtt.ca_file"])
+def test_an_empty_path_is_no_path(key, tmp_path):
+    (path := tmp_path / "a.toml").write_text(f'{key} = ""\n')
+    with pytest.raises(UserError, match=f"{key}: expected (a path; leave the key out|at least 1 character)"):
+        load_config(path)
