@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, cast
 
+from acqd.api.doubts import warn_of
 from acqd.api.html import table
 from acqd.api.places import Place, path_of
 from acqd.api.robot import Robot
@@ -53,8 +54,8 @@ class Dataset:
         """Merge power rows (file, SQL URL, or "log") with robot logs, and find the shift of the clocks.
 
         `lag_s`: controller clock minus power clock, if known; `cut_s`: length of the pieces into which long logs are
-        cut ("auto": chosen from the motion, None: only a single long log is cut). Raises UserError, InputError,
-        OperationError.
+        cut ("auto": chosen from the motion, None: only a single long log is cut). Warns of logs that cannot be used,
+        with the reason, and of doubts. Raises UserError, InputError, OperationError.
         """
         require("Dataset.build", ("jinja2", "matplotlib", "scipy"), "data")
         from acqd.dataset.build import BuildConfig, build
@@ -63,7 +64,8 @@ class Dataset:
         config = BuildConfig(
             str(power), path_of(logs), path_of(out), name, device, channel, lag_s=lag_s, cut_s=cut_s, append=append
         )
-        build(config, lambda *_: None)
+        report = build(config, lambda *_: None)
+        warn_of([*report.refused, *report.notes])
         return cls(out)
 
     @classmethod

@@ -8,7 +8,8 @@ from datetime import datetime
 from pathlib import Path
 
 from acqd.api.dataset import Dataset
-from acqd.api.html import table
+from acqd.api.doubts import warn_of
+from acqd.api.html import lines, table
 from acqd.api.models import Model
 from acqd.api.places import Place, path_of
 from acqd.api.records import Effect, Parameter, Report, Verdict
@@ -41,7 +42,7 @@ class LoopResult:
         return Model(self.path / "model")
 
     def _repr_html_(self) -> str:
-        """For notebooks: the verdict, and every effect with its parameters."""
+        """For notebooks: the verdict, every effect with its parameters, and what the reader has to mind."""
         before, after = (self.report[key]["rmse"] for key in ("before", "after"))
         simulated = ", simulated" if self.report["measured"] == "simulated" else ""
         caption = f"{self.verdict.replace('_', ' ')}: RMSE {before:.2f} W before, {after:.2f} W after{simulated}"
@@ -50,7 +51,10 @@ class LoopResult:
              ", ".join(f"{rival['name']} {percent(rival['confidence'])}" for rival in effect["rivals"]) or "none")
             for effect in self.effects
         ]  # fmt: skip
-        return table(caption, ("effect", "where", "size (95 % interval)", "confidence", "rivals"), rows)
+        head = ("effect", "where", "size (95 % interval)", "confidence", "rivals")
+        warnings = self.report["warnings"]
+        others = [note for note in self.report["notes"] if note not in warnings]
+        return table(caption, head, rows) + lines([*(f"mind: {warning}" for warning in warnings), *others])
 
 
 def close_loop(
@@ -69,8 +73,8 @@ def close_loop(
     """Find the cause of a model's residual, add the cause to the model, report the error before and after.
 
     `dataset` has the recordings in question, `reference` those to compare with (default: what the model remembers);
-    `out` defaults to DATASET.loop. `since` leaves out recordings that ended before. Raises UserError, InputError,
-    OperationError.
+    `out` defaults to DATASET.loop. `since` leaves out recordings that ended before. Warns of what the verdict has to be
+    read with. Raises UserError, InputError, OperationError.
 
     >>> result = close_loop("now", "model", "loop", only=["payload"])
     >>> result.verdict, result.effects[0]["id"]
@@ -99,7 +103,9 @@ def close_loop(
     )
     require_free(config.out, "report.json", "report")
     write_all(config, close(config, lambda *_: None))
-    return LoopResult(config.out, orjson.loads((config.out / "report.json").read_bytes()))
+    result = LoopResult(config.out, orjson.loads((config.out / "report.json").read_bytes()))
+    warn_of(result.report["warnings"])
+    return result
 
 
 def _in_words(parameters: dict[str, Parameter]) -> str:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Literal, cast
 import numpy as np
 
 from acqd.api.dataset import Dataset
+from acqd.api.doubts import warn_of
 from acqd.api.html import table
 from acqd.api.places import Place, path_of
 from acqd.api.records import Metadata
@@ -104,8 +105,11 @@ def predict(model: Model | Place, log: RobotLog | Place, *, robot: str | None = 
     from acqd.robot.log import RobotLog
 
     if isinstance(log, RobotLog):
-        return predict_read(opened.bundle, opened.predictor, log)
-    return predict_log(opened.bundle, opened.predictor, path_of(log), robot)
+        prediction = predict_read(opened.bundle, opened.predictor, log)
+    else:
+        prediction = predict_log(opened.bundle, opened.predictor, path_of(log), robot)
+    warn_of([prediction.note])
+    return prediction
 
 
 def train(

@@ -78,6 +78,8 @@ class Report(TypedDict):
     next: list[str]
     """What to do, most useful first."""
     notes: list[str]
+    warnings: list[str]
+    """The notes that the verdict has to be read with."""
 
 
 class Metrics(TypedDict):

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
+from acqd.api.doubts import warn_of
 from acqd.api.html import table
 from acqd.api.places import Place
 from acqd.arrays import Floats
@@ -63,7 +64,7 @@ def read_rows(source: Place, *, device: str | None = None, channel: str | None =
     """Rows of a .csv, .jsonl or .parquet file, a .sqlite file or an SQL URL.
 
     `device` and `channel` default to the only device, and to total, else L1. Parquet needs pyarrow (`acqd[parquet]`),
-    everything else nothing more than acqd. Raises InputError, UserError.
+    everything else nothing more than acqd. Warns of doubtful times and values. Raises InputError, UserError.
 
     >>> rows = read_rows("power.csv")
     >>> rows.measured, rows.window_s
@@ -72,4 +73,5 @@ def read_rows(source: Place, *, device: str | None = None, channel: str | None =
     from acqd.dataset.power import open_power
 
     stream = open_power(str(source), device, channel)
+    warn_of(stream.notes)
     return Rows(stream.time_ns, stream.P, stream.Vrms, stream.window_ns * 1e-9, stream.measured)
