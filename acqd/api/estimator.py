@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import tempfile
-import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
@@ -22,13 +21,15 @@ try:
 except ModuleNotFoundError:
     raise UserError(f"PowerRegressor needs scikit-learn: {install_command('sklearn')}") from None
 
+from acqd.api.doubts import doubtful_power, scaled, warn_of, written_twice
+from acqd.api.places import Place
+from acqd.api.robot import Robot
 from acqd.dataset.column_check import judge_recordings
 from acqd.dataset.cut import CONTEXT_ROWS
-from acqd.dataset.log_power import LEAST_W
 from acqd.dataset.merge import Recording
-from acqd.dataset.power_values import large_power
 from acqd.dataset.split import Part
 from acqd.dataset.table_motion import trusted_motion
+from acqd.dataset.unaligned import clock_doubts, pair_of
 from acqd.models.config import TrainConfig
 from acqd.models.networks.settings import TrainingSettings
 from acqd.models.segments import Dataset, Segment, neighbours
@@ -47,17 +48,8 @@ if TYPE_CHECKING:
     Table: TypeAlias = ArrayLike | pandas.DataFrame | pandas.Series
 
 _VALIDATION = 0.15  # of the rows, where all are one recording
+_LONGEST_STEP_S = 10.0  # as acqd dataset build
 _MIN_ROWS = 4  # of a recording: two parts, and a difference in each
-
-
-def _doubt_power(y: Floats, robot: RobotDescription) -> None:
-    """Warns of power that flows out of the robot, or is in another unit: a table with it is refused."""
-    usual = float(np.median(y)) if len(y) else 0.0
-    doubt = large_power(y, robot) or (f"the power is {usual:.3g} W in the median: is its sign inverted?" * (usual < 0))
-    if not doubt and np.percentile(y, 95) < LEAST_W:
-        doubt = f"the power is below {LEAST_W:g} W in 95 % of the rows: is it in kW? expected W"
-    if doubt:
-        warnings.warn(doubt, UserWarning, stacklevel=3)
 
 
 class PowerRegressor(RegressorMixin, BaseEstimator):  # type: ignore[misc]
@@ -84,7 +76,7 @@ class PowerRegressor(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         self,
         network: str = "grey-box",
         *,
-        robot: str | None = None,
+        robot: Robot | Place | None = None,
         step_s: float = 0.04,
         signals: Sequence[str] = (),
         epochs: int = 300,
@@ -103,14 +95,17 @@ class PowerRegressor(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         X, y = validate_data(self, X, y, dtype=np.float64, ensure_min_samples=_MIN_ROWS, y_numeric=True)
         if self.network not in NAMES:
             raise ValueError(f"no network {self.network!r}; the networks are {', '.join(NAMES)}")
+        _require_step(self.step_s)
         axes = X.shape[1] - len(self.signals)
         robot = self._robot_of(axes)
         y = np.asarray(y, dtype=np.float64)
+        changed = list(scaled(X[:, :axes])) if robot else []
+        warn_of(changed)
         recordings = [self._recording(robot, k, X, y, rows, axes) for k, rows in enumerate(_recordings(groups, len(X)))]
         if robot:
-            _doubt_power(y, load_description(robot))
-            for note in judge_recordings(recordings, load_description(robot), None):
-                warnings.warn(note, UserWarning, stacklevel=2)
+            description = load_description(robot)
+            warn_of([*doubtful_power(y, description), *written_twice(X, y, recordings)])
+            warn_of([] if changed else self._doubts(recordings, description))
         segments = _with_validation([segment for each in recordings for segment in self._segments(each, axes)])
         if not segments:
             raise UserError(f"no recording has {_MIN_ROWS} consecutive rows whose motion is known")
@@ -141,6 +136,8 @@ class PowerRegressor(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         Where a recording begins or ends in motion, the first or last row does not count.
         """
         power = self.predict(X, groups)
+        if robot := self._robot_of(self.predictor_.axes):
+            warn_of(doubtful_power(np.asarray(y, dtype=np.float64).ravel(), load_description(robot)))
         q = np.asarray(X, dtype=np.float64)[:, : self.predictor_.axes]
         weight = np.ones(len(q)) if sample_weight is None else np.array(sample_weight, dtype=np.float64)
         for rows in _recordings(groups, len(q)):
@@ -153,10 +150,18 @@ class PowerRegressor(RegressorMixin, BaseEstimator):  # type: ignore[misc]
             return ""
         if self.robot is None:
             raise ValueError(f"network {self.network!r} needs a robot description: PowerRegressor(robot=...)")
-        expected = load_description(self.robot).axes
+        robot = self.robot.source if isinstance(self.robot, Robot) else str(self.robot)
+        expected = load_description(robot).axes
         if axes != expected:
-            raise ValueError(f"X has {axes} joint angles, but {self.robot} has {expected} joints")
-        return self.robot
+            named = f", then the signals {', '.join(self.signals)}" if len(self.signals) else ""
+            raise ValueError(f"X has {axes} joint angles{named}, but {robot} has {expected} joints")
+        return robot
+
+    def _doubts(self, recordings: list[Recording], robot: RobotDescription) -> list[str]:
+        """Lines on power of another time or order of the axes. Raises UserError where the order is another one."""
+        pairs = [pair_of(each, robot, self.step_s) for each in recordings]
+        late = clock_doubts(pairs, robot, lambda _: "shift y by that")
+        return late or judge_recordings(recordings, robot, None)
 
     def _motion(self, robot: str, X: Floats, rows: slice) -> tuple[Floats, NDArray[np.bool_]]:
         """Angles [T, axes] of a recording, and which of its rows [T] are known.
@@ -203,12 +208,23 @@ class PowerRegressor(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         return tags
 
 
+def _require_step(step_s: object) -> None:
+    """Raises ValueError for a step that is no time between rows."""
+    if not isinstance(step_s, (int, float, np.number)) or not 0.0 < float(step_s) <= _LONGEST_STEP_S:
+        raise ValueError(
+            f"step_s={step_s!r}: expected the seconds between rows, up to {_LONGEST_STEP_S:g}: 0.04 is 40 ms"
+        )
+
+
 def _recordings(groups: Table | None, rows: int) -> list[slice]:
     """Slices of consecutive rows with the same group. Raises ValueError for another length."""
     if groups is None:
         return [slice(0, rows)]
     names = np.asarray(groups)
     check_consistent_length(names, np.empty(rows))
+    nameless = np.asarray(names != names)  # NaN, NaT
+    if nameless.any():
+        raise ValueError(f"row {int(nameless.argmax()) + 1} has no group: name the recording of every row")
     changes = np.flatnonzero(names[1:] != names[:-1]) + 1
     seen = names[np.concatenate([[0], changes])] if rows else names
     kinds, counts = np.unique(seen, return_counts=True)

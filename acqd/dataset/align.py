@@ -29,7 +29,7 @@ _MIN_POWER_ROWS = 50
 _EDGE_S = 0.5  # at either end of a log the smoothing filter is not settled
 _SPAN = 1.5  # windows on either side of the coarse lag that the refinement searches
 _FLANK_S = 0.5  # around the maximum of R^2: other lags within are its own flank
-_MIN_R2 = 0.2
+MIN_R2 = 0.2
 _MIN_RATIO = 1.3  # unexplained variance of the best other lag over the best lag's
 
 
@@ -49,7 +49,7 @@ class Lag:
     @property
     def credible(self) -> bool:
         """Whether the maximum of R^2 is high enough and unique enough."""
-        return self.r2 >= _MIN_R2 and self.ratio >= _MIN_RATIO
+        return self.r2 >= MIN_R2 and self.ratio >= _MIN_RATIO
 
 
 def coarse_search(

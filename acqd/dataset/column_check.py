@@ -9,6 +9,7 @@ from typing import TypeAlias
 import numpy as np
 
 from acqd.arrays import Floats
+from acqd.dataset.align import MIN_R2
 from acqd.dataset.axis_order import OrderJudgement, judge_order
 from acqd.dataset.axis_zeros import judge_zeros
 from acqd.dataset.merge import Recording
@@ -91,8 +92,8 @@ def check_each(logs: list[RobotLog], robot: RobotDescription) -> dict[Path, str]
 def judge_table(recordings: list[Recording], robot: RobotDescription, *, by_power: bool = True) -> list[str]:
     """Checks of recordings that were merged elsewhere: by their torques or currents, then by their power.
 
-    Lines on axes whose order is not confirmed. Raises UserError as `check_columns`, `judge_logs` and
-    `judge_recordings`.
+    Lines on torques of another robot, and on axes whose order is not confirmed. Raises UserError as `check_columns`,
+    `judge_logs` and `judge_recordings`.
     """
     some = recordings[:: -(-len(recordings) // _LOGS_CHECKED)]
     samples = {each.name: sample for each in some if (sample := _sample_of_recording(each, robot)) is not None}
@@ -101,7 +102,9 @@ def judge_table(recordings: list[Recording], robot: RobotDescription, *, by_powe
         contradiction = _contradiction(sample, robot)
         if contradiction:
             raise UserError(f"recording {name}: {contradiction}")
-    return judge_recordings(recordings, robot, by_torque) if by_power else []
+    long = [piece for _, q, seen in samples.values() for piece in pieces(q, seen, np.ones(len(q), bool), _STEP_S)]
+    doubts = [line] if long and (line := other_robot(robot, long)) else []
+    return doubts + (judge_recordings(recordings, robot, by_torque) if by_power else [])
 
 
 def judge_recordings(
@@ -126,8 +129,17 @@ def judge_recordings(
         text = zero.text(robot) if zero is not None and by_zero else judged.text(robot)
         raise UserError(f"angles and power of {len(recordings)} recordings do not fit as logged: {text}")
     judged = judged if by_torque is None else by_torque.together(judged)
+    if long and judged.unsure and (share := share_of(robot, long)) < MIN_R2:
+        return [*doubts, _unexplained(share)]
     witness = "by their power" if by_torque is None else "by their torques, currents and power"
     return doubts + ([note] if (note := judged.note(robot, witness)) else [])
+
+
+def _unexplained(share: float) -> str:
+    return (
+        f"the motion explains {100 * max(share, 0.0):.0f} % of the changes of the power: is it the power of this "
+        "robot, in these rows, and are the angles angles? The order of the axes cannot be judged either"
+    )
 
 
 def _power_pieces(recording: Recording, axes: int) -> Iterator[OrderSample]:

@@ -43,7 +43,9 @@ def check_log(log: RobotLog, robot: RobotDescription) -> None:
             log.path,
             f"has a row every {step_s:.3g} s, expected one every {SLOWEST_S} s or faster: "
             + (
-                "is its time in ms or us? Write s"
+                "does its time count rows? Say row_s in [[log]] of the robot's description, the s between rows"
+                if step_s == 1.0 and (np.diff(time) == 1.0).all()
+                else "is its time in ms or us? Write s"
                 if 1.0 <= step_s <= 1e6 * SLOWEST_S
                 else "the motion between the rows is unknown; record at 25 Hz or more"
             ),
@@ -56,6 +58,11 @@ def check_log(log: RobotLog, robot: RobotDescription) -> None:
             f"has {len(time)} rows in {span_s / 3600:.3g} h, most of them {step_s:.3g} s apart; expected rows of one "
             "recording: is its time in ms, or are parts of it missing?",
         )
+    check_signals(log, robot)
+
+
+def check_signals(log: RobotLog, robot: RobotDescription) -> None:
+    """Raises InputError for currents in another unit than ampere, and for motion behind closed brakes."""
     _check_currents(log, robot)
     _check_brake(log)
 

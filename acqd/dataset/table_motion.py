@@ -17,6 +17,7 @@ from acqd.robot.description import RobotDescription
 from acqd.robot.doubtful_rows import bridged, doubtful_rows
 from acqd.robot.garbled import FEW, beyond_limit, impossible_jump, limits, reach
 from acqd.robot.joint_refresh import between_refreshes, frozen
+from acqd.robot.missing_rows import missing_rows
 from acqd.robot.motion_quality import MotionQuality
 from acqd.robot.resolution import smoothed, smoothing_of, steps_of
 from acqd.robot.unwrapping import unwrapped
@@ -57,6 +58,9 @@ def trusted_motion(time: Floats, q: Floats, robot: RobotDescription) -> tuple[Fl
     mended, unknown = bridged(stamps, lines, doubts.any, _LONGEST_S)
     smoothing = smoothing_of(stamps, mended, q_step, robot.speed)
     mended = mended if smoothing is None else smoothed(stamps, mended, smoothing.windows_s)
+    gap = missing_rows(stamps, mended, q_step, robot)
+    if gap is not None:
+        raise ValueError(f"row {int(known[gap[0]]) + 1}: {gap[1]}; are rows of several recordings mixed?")
     filled = q.copy()
     filled[known] = mended
     usable[known[unknown]] = False

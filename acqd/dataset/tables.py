@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import re
 import warnings
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, get_args
 
@@ -17,19 +18,21 @@ from acqd import __version__
 from acqd.dataset.arrow import UTC_NS, recording_table
 from acqd.dataset.column_check import judge_table
 from acqd.dataset.growing import write_new
-from acqd.dataset.log_check import SLOWEST_S
+from acqd.dataset.log_check import SLOWEST_S, check_signals
 from acqd.dataset.manifest import load_manifest
 from acqd.dataset.merge import Recording
+from acqd.dataset.motion_notes import end_notes, motion_notes
 from acqd.dataset.power import Measured
 from acqd.dataset.power_values import no_value_note, no_values
 from acqd.dataset.schema import TIME, read_columns, unit_of
 from acqd.dataset.split import with_split
 from acqd.dataset.table_motion import require_power, trusted_motion, without_unusable
-from acqd.dataset.unaligned import clock_doubts, pair_of
+from acqd.dataset.unaligned import clock_doubts, log_of, pair_of
 from acqd.errors import UserError
+from acqd.robot.columns import on_off
 from acqd.robot.description import RobotDescription, load_description
 from acqd.robot.labels import from_cells
-from acqd.robot.log_ends import sentence, unknown_ends
+from acqd.robot.log_ends import unknown_ends
 from acqd.robot.log_layout import LABELS
 from acqd.robot.motion_quality import MotionQuality
 
@@ -87,6 +90,11 @@ def write_table(table: pa.Table, out: Path, robot: str, measured: Measured, seed
         raise UserError("the table has no valid rows")
     require_power(P, valid, step_s * 1e9, description)
     notes += _motion_notes(recordings, description.axes, step_s)
+    logs = [
+        replace(log_of(each, description), quality=found) for each, found in zip(recordings, qualities, strict=True)
+    ]
+    for log in logs:
+        check_signals(log, description)
     pairs = [pair_of(each, description, step_s) for each in recordings]
     doubts = clock_doubts(pairs, description, lambda _: _CLOCK_REMEDY)
     notes += doubts + judge_table(recordings, description, by_power=not doubts)
@@ -112,10 +120,7 @@ def write_table(table: pa.Table, out: Path, robot: str, measured: Measured, seed
             recording.write(folder / "recordings", description.sliding)
 
     write_new(out, orjson.dumps(manifest, option=orjson.OPT_INDENT_2), fill)
-    for recording, quality in zip(recordings, qualities, strict=True):
-        found = [*quality.sentences(), sentence(recording.unknown_ends, step_s)]
-        notes += [f"recording {recording.name}: {line}" for line in found if line]
-    for note in notes:
+    for note in [*notes, *motion_notes(logs), *end_notes(recordings, step_s)]:
         warnings.warn(note, UserWarning, stacklevel=3)
 
 
@@ -161,6 +166,12 @@ def _require_columns(table: pa.Table, robot: RobotDescription) -> None:
     missing = [name for name in needed if name not in table.column_names]
     if missing:
         raise UserError(f"the table lacks {', '.join(missing)}: {robot.name} needs {', '.join(needed)}")
+    further = f"q{robot.axes + 1}"
+    if further in table.column_names:
+        raise UserError(
+            f"the table has a column {further}, but {robot.name} has {robot.axes} joints: is it a table of another "
+            "robot? Rename the column if it is no joint of this arm"
+        )
     if not len(table):
         raise UserError("the table has no rows")
     if not pa.types.is_timestamp(table.schema.field(TIME).type) or table.schema.field(TIME).type.tz is None:
@@ -209,12 +220,26 @@ def _recording(name: str, rows: pa.Table, robot: RobotDescription) -> tuple[Reco
         raise UserError(f"recording {name}: {error}") from None
     columns |= dict(zip(angles, q.T, strict=True))
     quality = without_unusable(columns, time_ns, q, known, robot, quality)
+    quality = replace(quality, unusable=(*quality.unusable, *_other_levels(columns)))
     ends = valid & unknown_ends(q, known, step_ns * 1e-9)
     valid &= known & ~ends
     context = known & ~valid
     known_angles = context if context.any() else None
     recording = Recording(name, time_ns, columns, valid, known_angles, int(ends.sum()), labels)
     return recording, step_ns, quality
+
+
+def _other_levels(columns: dict[str, NDArray[np.float64]]) -> list[str]:
+    """Makes `tool` and `brake` 0 and 1; removes those with other values, and names them."""
+    found = []
+    for name in ("tool", "brake"):
+        if name in columns:
+            levels = on_off(columns.pop(name))
+            if levels is None:
+                found.append(f"{name} holds other values than 0 and 1")
+            else:
+                columns[name] = levels
+    return found
 
 
 def _flags(rows: pa.Table) -> NDArray[np.bool_]:

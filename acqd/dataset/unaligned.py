@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from acqd.arrays import Floats
 from acqd.dataset.align import SEARCH_S
 from acqd.dataset.merge import Recording
 from acqd.dataset.own_lags import WIDER_S
@@ -59,15 +60,30 @@ def clock_doubts(
     ]
 
 
+def log_of(recording: Recording, robot: RobotDescription) -> RobotLog:
+    """The rows of a recording whose angles are known, with its currents, torques and signals, as a log."""
+    known = recording.valid if recording.context is None else recording.valid | recording.context
+    current, tau = (
+        recording.of_axes(name, robot.axes)[known]
+        if all(f"{name}{axis + 1}" in recording.columns for axis in range(robot.axes))
+        else None
+        for name in ("current", "tau")
+    )
+    signals: dict[str, Floats] = {
+        name: recording.columns[name][known] for name in ("tool", "brake") if name in recording.columns
+    }
+    time, q = recording.time_ns[known].astype(np.float64) * 1e-9, recording.of_axes("q", robot.axes)[known]
+    return RobotLog(Path(recording.name), time, q, tau=tau, current=current, signals=signals)
+
+
 def pair_of(recording: Recording, robot: RobotDescription, step_s: float) -> Pair:
     """Motion and power of a recording that is merged already, as a log and a stream."""
-    known = recording.valid if recording.context is None else recording.valid | recording.context
-    time, window_ns = recording.time_ns[known].astype(np.float64) * 1e-9, round(1e9 * step_s)
+    window_ns = round(1e9 * step_s)
     P = np.where(recording.valid, recording.columns["P"], np.nan)
     power = PowerStream(
         recording.time_ns - window_ns // 2, P, np.full(len(P), np.nan), window_ns, 0, "mains", recording.name
     )
-    return RobotLog(Path(recording.name), time, recording.of_axes("q", robot.axes)[known]), power
+    return log_of(recording, robot), power
 
 
 def _with_power(

@@ -139,8 +139,12 @@ def _way(q: Floats) -> float:
 
 def reach(step_s: Floats, robot: RobotDescription) -> Floats:
     """[T, axes] rad or m that joints can move within steps [T] s, with an allowance."""
-    allowed = np.array([_RESOLUTION_M if joint.slides else _RESOLUTION for joint in robot.joint])
-    return np.asarray(TOO_FAST * step_s[:, None] * robot.speed + allowed)
+    return np.asarray(TOO_FAST * step_s[:, None] * robot.speed + resolution(robot))
+
+
+def resolution(robot: RobotDescription) -> Floats:
+    """[axes] rad or m from one row to the next that are no jump at any rate."""
+    return np.array([_RESOLUTION_M if joint.slides else _RESOLUTION for joint in robot.joint])
 
 
 def _not_numbers(time: Floats, q: Floats) -> dict[int, str]:

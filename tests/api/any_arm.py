@@ -8,7 +8,7 @@ from acqd.api.estimator import PowerRegressor
 from acqd.robot.toml_text import description_text
 from tests.robot.sliding import link, turn
 
-TOY = {"speed_deg_s": 1e6, "limits_deg": [-360, 360]}
+TOY = {"speed_deg_s": 1e6, "acceleration_deg_s2": 1e9, "limits_deg": [-360, 360]}
 """The rows of the checks are drawn at random, which no robot could follow."""
 
 

@@ -1,5 +1,6 @@
 """The regressor for scikit-learn: its own checks of estimators, and a grey box on recordings."""
 
+import contextlib
 from importlib.util import find_spec
 
 import numpy as np
@@ -120,3 +121,58 @@ def test_a_recording_cut_in_motion_has_the_power_of_the_whole(folder):
     with pytest.warns(UserWarning):
         model.fit(piece, truth)
     assert np.abs(model.predict(piece) - whole[150:350]).max() < 50
+
+
+@pytest.mark.parametrize(
+    ("settings", "line"),
+    [
+        ({"step_s": 40}, "expected the seconds between rows"),
+        ({"step_s": 0}, "expected the seconds between rows"),
+        ({"step_s": "0.04"}, "expected the seconds between rows"),
+        ({"signals": ("tool",)}, "X has 5 joint angles, then the signals tool, but ur10e has 6 joints"),
+    ],
+)
+def test_settings_that_are_no_description_of_the_rows_are_named(settings, line):
+    with pytest.raises(ValueError, match=line):
+        regressor(robot="ur10e", **settings).fit(np.zeros((50, 6)), np.arange(50.0))
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_a_robot_may_be_a_description_and_rows_without_a_group_are_named(folder):
+    X, y, groups = rows_of("ds")
+    same = regressor("grey-box", robot=acqd.Robot("ur10e")).fit(X, y, groups=groups)
+    assert same.score(X, y, groups=groups) > 0.9
+    with pytest.raises(ValueError, match="row 8 has no group"):
+        same.fit(X, y, groups=groups.where(np.arange(len(X)) != 7))
+
+
+def copies(X, y, groups):
+    rows = np.repeat(np.arange(len(X)), np.where(np.arange(len(X)) % 40 == 39, 2, 1))
+    return X.iloc[rows], y.iloc[rows], groups.iloc[rows]
+
+
+@pytest.mark.parametrize(
+    ("mistaken", "line"),
+    [
+        (lambda X, y, groups: ((X - X.mean()) / X.std(ddof=0), y, groups), "has a scaler changed them"),
+        (lambda X, y, groups: (X.round(), y, groups), "all angles are whole numbers"),
+        (lambda X, y, groups: (X, y.shift(25).bfill(), groups), "s after the motion that causes it"),
+        (lambda X, y, groups: (X, y.sample(frac=1, random_state=0), groups), "% of the changes of the power"),
+        (lambda X, y, groups: (X, 60 + 0 * y, groups), "the power is 60 W in all rows"),
+        (copies, "rows repeat the row before while the arm moves"),
+    ],
+    ids=["standardised", "rounded", "late", "shuffled", "constant", "copies"],
+)
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_what_no_robot_measures_is_doubted(folder, mistaken, line):
+    X, y, groups = mistaken(*rows_of("ds"))
+    with pytest.warns(UserWarning, match=line), contextlib.suppress(ValueError):  # beyond the limits, perhaps
+        regressor("grey-box", robot="ur10e").fit(X, y, groups=groups)
+
+
+def test_a_score_in_another_unit_is_doubted(folder):
+    X, y, groups = rows_of("ds")
+    with pytest.warns(UserWarning):
+        model = regressor("grey-box", robot="ur10e").fit(X, y, groups=groups)
+    with pytest.warns(UserWarning, match="is it in kW"):
+        model.score(X, y / 1000, groups=groups)

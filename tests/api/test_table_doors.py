@@ -30,6 +30,16 @@ GOOD = pd.concat([one(number) for number in range(2)], ignore_index=True)
         (GOOD.iloc[::-1], "is not later than the row before; sort by time"),
         (GOOD.assign(P=40.0), "P is 40 W in all rows"),
         (GOOD.assign(P=1000 * GOOD.P), "is it in mW"),
+        (GOOD.assign(q7=0.0), "has a column q7, but ur10e has 6 joints"),
+        (GOOD.assign(brake=0), "12.0 s of them with closed brakes"),
+        (
+            GOOD.assign(**{f"current{k}": 1e4 * GOOD.q1 for k in range(1, 7)}),
+            "currents in mA",
+        ),
+        (
+            GOOD.drop(index=range(100, 130)).assign(time=GOOD.time.to_numpy()[:-30]),
+            "rows are missing there",
+        ),
         (GOOD.set_axis(pd.MultiIndex.from_product([GOOD.columns, ["SI"]]), axis=1), r"get_level_values\(0\)"),
         (GOOD.assign(q1=pd.arrays.SparseArray(GOOD.q1)), "cannot be read: Sparse"),
         (GOOD.assign(P=GOOD.P.map("{:.2f}".format).str.replace(".", ",")), "column P: holds text, expected numbers"),
@@ -102,3 +112,44 @@ def test_power_of_another_time_than_the_motion_is_doubted(tmp_path, shift_s, lin
         acqd.Dataset.from_pandas(drawn(shift_s), tmp_path / "ds", robot="ur10e", measured="simulated")
     lines = [text for each in warned if " the motion that causes it" in (text := str(each.message))]
     assert len(lines) == bool(line) and all(line in text for text in lines)
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_signals_with_more_than_two_levels_are_left_out_and_two_levels_become_0_and_1(tmp_path):
+    frame = GOOD.assign(tool=np.arange(len(GOOD)) % 7, brake=5.0)
+    with pytest.warns(UserWarning, match="tool holds other values than 0 and 1"):
+        data = acqd.Dataset.from_pandas(frame, tmp_path / "ds", robot="ur10e", measured="simulated").to_pandas()
+    assert "tool" not in data and (data["brake"] == 1.0).all()
+
+
+def test_many_recordings_have_one_line_for_all(tmp_path):
+    many = pd.concat([fast(one(number)) for number in range(5)])
+    with pytest.warns(UserWarning) as warned:
+        acqd.Dataset.from_pandas(many, tmp_path / "ds", robot="ur10e", measured="simulated")
+    lines = [text for each in warned if "at its ends" in (text := str(each.message))]
+    assert len(lines) == 1 and lines[0].startswith("5 of 5 recordings begin or end in motion")
+
+
+def test_torques_of_another_robot_are_doubted(tmp_path):
+    from acqd.robot.description import load_description
+    from acqd.robot.inertia import inverse_dynamics
+
+    frames, ur10e = [], load_description("ur10e")
+    for _, rows in drawn(0).groupby("recording"):
+        q = rows[[f"q{k}" for k in range(1, 7)]].to_numpy()
+        qd = np.gradient(q, 0.04, axis=0)
+        tau = inverse_dynamics(ur10e, q, qd, np.gradient(qd, 0.04, axis=0))
+        frames.append(rows.assign(**{f"tau{k + 1}": tau[:, k] for k in range(6)}))
+    for robot, doubted in (("ur10e", False), ("ur5e", True)):
+        with pytest.warns(UserWarning) as warned:
+            acqd.Dataset.from_pandas(pd.concat(frames), tmp_path / robot, robot=robot, measured="simulated")
+        said = [text for each in warned if "are these logs of" in (text := str(each.message))]
+        assert bool(said) == doubted and all("fit ur10e better than ur5e" in text for text in said)
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_power_that_the_motion_does_not_explain_is_doubted(tmp_path):
+    frame = drawn(0)
+    mixed = frame.assign(P=frame.P.sample(frac=1, random_state=0).to_numpy())
+    with pytest.warns(UserWarning, match="the motion explains . % of the changes of the power"):
+        acqd.Dataset.from_pandas(mixed, tmp_path / "ds", robot="ur10e", measured="simulated")
