@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeVar
 
+from acqd.dataset.copied_logs import require_new
 from acqd.dataset.log_check import check_log
 from acqd.dataset.motion_notes import motion_notes
 from acqd.errors import InputError, UserError
@@ -18,6 +19,7 @@ from acqd.robot.log import RobotLog
 from acqd.robot.log_reader import read_log
 
 _SUFFIXES = (".log", ".csv", ".txt", ".parquet", *BAGS)
+_PACKED = (".gz", ".bz2", ".xz", ".zst", ".lz4", ".zip", ".7z", ".tar", ".tgz")
 _Value = TypeVar("_Value")
 
 
@@ -76,7 +78,9 @@ def read_logs(
             logs.known += 1
         else:
             try:
-                logs.kept.append(_read(path, robot, seen.get(content), taken))
+                log = _read(path, robot, seen.get(content), taken)
+                require_new(log, logs.kept)
+                logs.kept.append(log)
                 seen[content] = path.name
             except InputError as error:
                 logs.refused.append(str(error))
@@ -126,11 +130,18 @@ def log_files(folder: Path) -> list[Path]:
     bags = sorted(path.parent for path in folder.rglob("metadata.yaml"))
     paths = sorted([path for path in found if not any(bag in path.parents for bag in bags)] + bags)
     if not paths:
-        raise UserError(f"{folder}: no robot logs ({', '.join(_SUFFIXES)}) there")
-    stems = [path.stem for path in paths]
-    repeated = {stem for stem in stems if stems.count(stem) > 1}
-    if repeated:
-        raise UserError(f"{folder}: several logs named {min(repeated)}; build one dataset per robot")
+        packed = next((path for path in sorted(folder.rglob("*")) if path.suffix in _PACKED and path.is_file()), None)
+        hint = f"; {packed.name} is compressed: unpack it first" if packed else ""
+        raise UserError(f"{folder}: no robot logs ({', '.join(_SUFFIXES)}) there{hint}")
+    by_name: dict[str, list[Path]] = {}
+    for path in paths:
+        by_name.setdefault(path.stem, []).append(path)
+    if repeated := next((same for same in by_name.values() if len(same) > 1), None):
+        one, other = (path.relative_to(folder) for path in repeated[:2])
+        raise UserError(
+            f"{folder}: two logs are named {one.stem}: {one} and {other}; recordings are named after their logs: "
+            "rename one, or build one dataset per robot"
+        )
     return paths
 
 

@@ -107,9 +107,12 @@ def test_a_folder_without_logs_or_with_two_of_a_name(tmp_path):
     (tmp_path / "empty").mkdir()
     with pytest.raises(UserError, match=r"no robot logs \(.log, .csv, .txt, .parquet, .mcap, .db3, .bag\) there"):
         build_from(tmp_path / "empty", tmp_path / "ds")
+    (tmp_path / "empty" / "rec.csv.gz").write_bytes(b"\x1f\x8b")
+    with pytest.raises(UserError, match=r"there; rec\.csv\.gz is compressed: unpack it first"):
+        build_from(tmp_path / "empty", tmp_path / "ds")
     write_logs(tmp_path / "logs" / "a", 1)
     write_logs(tmp_path / "logs" / "b", 1)
-    with pytest.raises(UserError, match="several logs named rec_0001"):
+    with pytest.raises(UserError, match=r"two logs are named rec_0001: a.rec_0001\.csv and b.rec_0001\.csv"):
         build_from(tmp_path / "logs", tmp_path / "ds")
 
 
