@@ -25,6 +25,7 @@ _OTHER_CLOCKS = {
 """Whole numbers of 1970 to 2100, and of 1990 to 2100; in ns they would be of 1973, and of 1989 to 1991."""
 _LEAP_SECOND = re.compile(r"(.*T\d\d:\d\d:)60", re.DOTALL)
 """A second that clocks insert (RFC 3339, appendix D); Unix time has the next one in its place."""
+_SHOWN = 30  # characters of a cell in a message
 _MOST_NS = 2**63 - 2**32
 _UNITS = ((1e11, 1_000_000_000), (1e14, 1_000_000), (1e17, 1_000), (1e20, 1))  # Unix s, ms, us, ns below each bound
 
@@ -51,8 +52,13 @@ def parse_times(path: Path, name: str, cells: Sequence[object], numbers: Sequenc
         return np.array(stamps, dtype=np.int64)
     try:
         values = np.array(cells, dtype=np.float64).reshape(len(cells))
-    except (ValueError, TypeError) as error:
-        raise InputError(path, f"column {name}: {error}; times must be all numbers or all RFC 3339") from None
+    except (ValueError, TypeError):
+        named = [(row, str(cell)) for row, cell in zip(numbers, cells, strict=True)]
+        row, text = next((each for each in named if not _is_number(each[1])), named[0])
+        raise InputError(
+            path, f"data row {row}: time {text[:_SHOWN]!r} is no number, as in the other rows: write all as numbers, "
+            "or all as 2026-01-27T08:00:00.000Z"
+        ) from None  # fmt: skip
     if not np.isfinite(values).all():
         raise InputError(path, f"column {name}: data row {numbers[int(np.argmin(np.isfinite(values)))]} has no time")
     largest = float(np.abs(values).max())

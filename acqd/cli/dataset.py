@@ -101,10 +101,16 @@ def build(
         worked,
     )
     console = terminal(stderr=True)
+    assumed = f"--robot was not given: the logs were read as those of {description}" * (robot is None and not append)
     with progress(console) as show_step:
-        report = run(build_config, show_step)
-    assumed = [f"--robot was not given: the logs were read as those of {description}"]
-    for line in [*(assumed if robot is None and not append else []), *report.refused, *report.notes]:
+        try:
+            report = run(build_config, show_step)
+        except UserError as error:
+            of_robot = any(text in str(error) for text in (description, "--robot", "logs can be used"))
+            if assumed and of_robot:
+                raise UserError(f"{error}; {assumed}") from None
+            raise
+    for line in [*filter(None, [assumed]), *report.refused, *report.notes]:
         console.print(f"acqd: {line}")
     print(orjson.dumps(report).decode() if json else summary(report, lag, power))
 
@@ -126,7 +132,10 @@ def cut_length(text: str | None) -> float | Literal["auto"] | None:
 
 def summary(report: BuildReport, lag: float | None, power: str) -> str:
     """What a build has made, in one line or two."""
-    clock = "no common clock found: every recording by its own lag" if lag is None else f"lag given, {lag} s"
+    clock = "no common clock found" if lag is None else f"lag given, {lag} s"
+    if report.own_lags_s:
+        ends = sorted({f"{each:+.2f}" for each in (min(report.own_lags_s), max(report.own_lags_s))}, key=float)
+        clock = f"no common clock found: every recording by its own lag, {' to '.join(ends)} s"
     if power == "log":
         clock = "power from the logs, no alignment needed"
     elif report.offset_s is not None:

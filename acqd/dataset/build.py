@@ -16,8 +16,8 @@ from acqd.dataset.log_files import Logs, read_logs, uncommon_columns
 from acqd.dataset.log_power import LOG, log_power, require_drawn, small_power, some_power
 from acqd.dataset.merge import Recording, merge
 from acqd.dataset.merged_log import Batch, MergedLog
-from acqd.dataset.motion_notes import end_notes
-from acqd.dataset.no_overlap import no_overlap
+from acqd.dataset.motion_notes import end_notes, unused_notes
+from acqd.dataset.no_overlap import far_apart, no_overlap
 from acqd.dataset.placement import Alignment, given, place
 from acqd.dataset.power import PowerStream, open_power, require_fast
 from acqd.dataset.power_values import large_power
@@ -84,13 +84,16 @@ def build(config: BuildConfig, progress: _Progress) -> BuildReport:
     logs.notes += [note for power in powers for note in power.notes]
     logs.notes += small_power(powers)
     logs.notes += [note] if (note := large_power(np.concatenate([some_power(each) for each in powers]), robot)) else []
+    if stream is not None and config.lag_s is None:
+        placed = [each.lag_s for each in alignment.placements if each.method != "refused"]
+        logs.notes += far_apart(placed, powers, logs.kept)
     _require_placements(alignment, [fault.text for log in logs.kept if (fault := log.quality.fault)])
     merged = _merge_all(config, logs.kept, powers, alignment)
     recordings = [each.recording for each in merged if each.recording]
     # power of another time fits no order of the axes
     doubts = _clock_doubts(config, robot, logs.kept, stream, recordings)
     logs.notes += doubts or judge_recordings(recordings, robot, by_torque)
-    logs.notes += end_notes(recordings, config.step_s)
+    logs.notes += unused_notes(recordings) + end_notes(recordings, config.step_s)
     logs.notes += alignment.notes
     if alignment.line is None and config.lag_s is None and stream is not None and len(logs.kept) >= _MIN_FOR_CLOCK:
         logs.notes.append("the logs' lags lie on no common clock line, so each has its own: are they of two robots?")
@@ -166,6 +169,11 @@ def _align(
     regressors = logs.keep(
         lambda log: regressors_of(log, robot, config.torque), lambda share: progress("computing regressors", share)
     )
+    if not any(np.ptp(log.q, axis=0).any() for log in logs.kept):
+        raise UserError(
+            f"the arm stands still in {'the log' if len(logs.kept) == 1 else 'all logs'}: without motion no lag "
+            "can be found; give logs of motion, or --lag if it is known"
+        )
     names = [log.path.stem for log in logs.kept]
     return regressors, place(regressors, stream, config.search_s, lambda share: progress("aligning", share), names)
 

@@ -57,6 +57,8 @@ class BuildReport:
     offset_s: float | None = None
     drift_ppm: float | None = None
     scatter_ms: float | None = None
+    own_lags_s: list[float] = field(default_factory=list)
+    """Of recordings that were aligned without a common clock: controller clock minus power clock."""
     supply_lag_ms: float = 0.0
     split: dict[str, int] = field(default_factory=dict)
     measured: Measured = "mains"

@@ -46,7 +46,9 @@ class LocalClock:
         return np.asarray(local_ns - self._offsets(local_ns, turned > 0))
 
     def notes(self) -> list[str]:
-        """What the user should know; empty if no time lacked a zone, or the zone is given."""
+        """What the user should know; empty where the zone of every time is known, and a zone that is given is used."""
+        if not self._used and self._zone is not None:
+            return [f"power {self._origin}: its times name their zone, or count from 1970: --zone is not used"]
         if not self._used or self._zone is not None:
             return []
         note = f"power {self._origin}: its times have no zone and are taken for UTC; --zone Europe/Berlin would say it"

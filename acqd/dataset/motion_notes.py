@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import numpy as np
+from numpy.typing import NDArray
+
 from acqd.dataset.merge import Recording
 from acqd.robot.log import RobotLog
 from acqd.robot.log_ends import sentence
 
+_SAID = 0.01
+"""Share of the rows that are not used, from which on a line says so."""
 _EACH = 3
 """Up to so many logs have a line each."""
 
@@ -55,6 +60,27 @@ def motion_notes(logs: list[RobotLog]) -> list[str]:
             listed = ", ".join(sorted({name for named in concerned.values() for name in named}))
             notes.append(f"{listed}: {what} ({len(concerned)} logs, the first: {next(iter(concerned))})")
     return notes
+
+
+def unused_notes(recordings: list[Recording]) -> list[str]:
+    """A line on rows of recordings that have no power, or no pose."""
+    rows = sum(len(each.valid) for each in recordings)
+    unused = sum(int((~_of_piece(each)).sum()) - each.unknown_ends for each in recordings)
+    share = unused / max(rows, 1)
+    if share < _SAID:
+        return []
+    worst = max(recordings, key=lambda each: float((~_of_piece(each)).mean()))
+    return [
+        f"{100 * share:.0f} % of the rows of the recordings have no power or no pose (gaps, empty cells, flags), most "
+        f"of them in {worst.name}: no model uses them"
+    ]
+
+
+def _of_piece(recording: Recording) -> NDArray[np.bool_]:
+    """[T] rows with power, and rows of neighbouring pieces before the first and after the last of them."""
+    used = np.flatnonzero(recording.valid)
+    rows = np.arange(len(recording.valid))
+    return recording.valid | (rows < used[0]) | (rows > used[-1]) if len(used) else recording.valid
 
 
 def end_notes(recordings: list[Recording], step_s: float) -> list[str]:

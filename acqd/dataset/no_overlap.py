@@ -1,4 +1,4 @@
-"""Why no log has power: whose times are of which days, and what the distance of the two clocks suggests."""
+"""Why no log has power, or power of another time: whose times are of which days, and what their distance suggests."""
 
 from __future__ import annotations
 
@@ -21,6 +21,8 @@ _EPOCHS_S = {
 _FURTHEST_ZONE_H = 14
 _OTHER_ORIGIN_S = 1e8
 """Times of logs below count from another origin than 1970."""
+_NEAR_S, _QUARTER_S = 120.0, 900.0
+"""Clocks that people set differ by less than the first; time zones differ by multiples of the second."""
 _Span = tuple[float, float]
 
 
@@ -32,6 +34,31 @@ def no_overlap(powers: Sequence[PowerStream], logs: Sequence[RobotLog]) -> str:
         return "no log overlaps the power stream: are they of the same days?"
     spans = f"power of {_text(power)}, logs of {_text(motion)}"
     return f"no log overlaps the power stream: {spans}; {_remedy(power, motion)}"
+
+
+def far_apart(lags_s: Sequence[float], powers: Sequence[PowerStream], logs: Sequence[RobotLog]) -> list[str]:
+    """A line where logs were placed in power of another time: clocks of two zones, or power of another run.
+
+    `lags_s`: controller clock minus power clock, of each log that has a place.
+    """
+    power, motion = _span([each.time_ns * 1e-9 for each in powers]), _span([each.time for each in logs])
+    lag_s = float(np.median(lags_s)) if len(lags_s) else 0.0
+    if power is None or motion is None or min(power[0], motion[0]) < _OTHER_ORIGIN_S or abs(lag_s) <= _NEAR_S:
+        return []
+    ahead, behind = ("logs'", "meter's") if lag_s > 0 else ("meter's", "logs'")
+    quarters = abs(lag_s) / _QUARTER_S
+    of_zone = round(quarters) > 0 and abs(quarters - round(quarters)) * _QUARTER_S <= _NEAR_S
+    if of_zone and quarters <= 4 * _FURTHEST_ZONE_H + 1:
+        return [
+            f"the {ahead} clock is {round(quarters) / 4:g} h ahead of the {behind}, as clocks of two time zones are, "
+            "or of summer and winter time; the shift is taken out"
+        ]
+    side = "before" if lag_s > 0 else "after"
+    amount = f"{abs(lag_s) / DAY_S:.1f} days" if abs(lag_s) > 2 * DAY_S else f"{abs(lag_s) / 60:.0f} min"
+    return [
+        f"the power that fits was metered {amount} {side} the logs, by the times of both: "
+        "is one of the clocks wrong, or is it power of another run of the same program?"
+    ]
 
 
 def _span(times: Sequence[np.ndarray]) -> _Span | None:

@@ -43,6 +43,8 @@ _FASTEST_NS = 1e5
 _PAUSE_S = 5.0
 """Step that is a gap, not a late row."""
 _SAMPLE = 100
+_UNIX_S = 1e8
+"""Seconds since 1970 of all clocks (1973), and more W than any robot takes."""
 _RISES = 0.5
 """Share of the rows in which a register of energy grows."""
 _IN_PACKETS = 0.1
@@ -126,13 +128,15 @@ def open_power(
         from acqd.dataset.power_files import known_format
 
         expected = "expected an SQL URL, or a .sqlite, .csv, .jsonl or .parquet file"
-        raise UserError(f"power {origin}: {'; '.join(filter(None, (known_format(path), expected)))}")
+        found = known_format(path) if path.is_file() else "is a folder" if path.is_dir() else "no such file"
+        raise UserError(f"power {origin}: {'; '.join(filter(None, (found, expected)))}")
     return _spool(shown_origin, blocks, clock, notes)
 
 
 def _spool(origin: str, blocks: Iterator[PowerRows], clock: LocalClock, notes: list[str]) -> PowerStream:
     """`notes`: what reading the blocks says."""
     flags: set[str] = set()
+    without_zone: set[bool] = set()
     with tempfile.TemporaryFile(prefix="acqd-power-") as file:
         for block in blocks:
             rows = np.empty(len(block.time_ns), dtype=_ROW)
@@ -140,13 +144,17 @@ def _spool(origin: str, blocks: Iterator[PowerRows], clock: LocalClock, notes: l
             rows["time"], rows["P"], rows["Vrms"] = utc_ns, block.P, block.Vrms
             file.write(rows.tobytes())
             flags |= block.flags
+            without_zone.add(block.without_zone)
         file.flush()
         if file.tell() < 3 * _ROW.itemsize:
             raise UserError(f"power {origin}: fewer than three rows of that device and channel")
         mapped: NDArray[np.void] = np.memmap(
             file, dtype=_ROW, mode="c"
         )  # times may be rebuilt: in memory, page by page
+    if len(without_zone) > 1:
+        raise UserError(f"power {origin}: some times have a zone and others have none: write the zone in every row")
     notes += clock.notes()
+    _require_power_not_time(origin, mapped["time"], mapped["P"])
     stamp_error_s = _rebuild_shared_times(origin, mapped, notes)
     time_ns = mapped["time"]
     dropped = 0
@@ -187,6 +195,12 @@ def _spool(origin: str, blocks: Iterator[PowerRows], clock: LocalClock, notes: l
         stamp_error_s,
         made_s > 0,
     )
+
+
+def _require_power_not_time(origin: str, time_ns: Nanoseconds, P: Floats) -> None:
+    """Raises InputError where P is a clock and the time is none: columns that are exchanged."""
+    if len(P) >= _SAMPLE and P[0] > _UNIX_S and (np.diff(P) >= 0).all() and (np.diff(time_ns) < 0).any():
+        raise InputError(origin, f"P rises from {P[0]:.0f} on in every row, time does not: are the columns exchanged?")
 
 
 def _doubt_values(origin: str, P: Floats, window_ns: int, notes: list[str]) -> float:

@@ -94,13 +94,24 @@ def _power_rows(path: Path, cells: Cells, rows: list[int]) -> PowerRows:
         for name in ("P", "Vrms")
     )
     flags = [_flag_names(cell) for cell in column("flags")]
-    return PowerRows.of(stamps, P, Vrms, flags, without_zone=cells.time_ns is None and _without_zone(times))
+    without_zone = cells.time_ns is None and _without_zone(path, times, numbers)
+    return PowerRows.of(stamps, P, Vrms, flags, without_zone=without_zone)
 
 
-def _without_zone(times: Sequence[object]) -> bool:
-    """Whether times are written as on a wall clock, without a zone."""
+def _without_zone(path: Path, times: Sequence[object], numbers: Sequence[int]) -> bool:
+    """Whether times are written as on a wall clock, without a zone. Raises InputError where only some are."""
     first = times[0]
-    return isinstance(first, str) and ":" in first and not _ZONE.search(first.strip())
+    if not isinstance(first, str) or ":" not in first:
+        return False
+    without = [not _ZONE.search(str(time).strip()) for time in times]
+    other = next((number for number, each in zip(numbers, without, strict=True) if each != without[0]), None)
+    if other is not None:
+        this, before = ("a zone", "none") if without[0] else ("no zone", "one")
+        raise InputError(
+            path, f"data row {other}: its time has {this}, those of the rows before have {before}: write the zone (Z, "
+            "+01:00) in every row"
+        )  # fmt: skip
+    return without[0]
 
 
 def _number(path: Path, column: str, cell: object, row: int) -> float:

@@ -116,6 +116,8 @@ def _header(path: Path, file: BinaryIO) -> tuple[int, bytes]:
             head += _line_at(file, start + len(head))
     if not head:
         raise InputError(path, "has no rows; expected a header with the columns time (or filetime) and P")
+    if any(byte < ord("\t") or ord("\r") < byte < ord(" ") for byte in head):
+        raise InputError(path, "is no text; expected CSV with the columns time (or filetime) and P")
     names = _cells(comment.lstrip(b"#"), _separator(head))
     clock = {"time", "filetime"} & set(names)
     cells = _cells(head, _separator(head))

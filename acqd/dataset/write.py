@@ -49,6 +49,7 @@ def write_dataset(
     for entry in new:
         report.split[entry["split"]] = report.split.get(entry["split"], 0) + 1
     placed = [single for single in batch.merged if single.recording is not None]
+    report.own_lags_s = [each.placement.lag_s for each in placed if line is None and each.placement.method == "own"]
     noted = [f"{single.log.path}: {single.placement.note}" for single in placed if single.placement.note]
     report.notes = [*noted, *batch.notes, *_about_sources(new)]
     report.recordings, report.seconds = len(new), sum(entry["valid_s"] for entry in new)

@@ -108,7 +108,7 @@ def _names(robot: RobotDescription, flags: NDArray[np.bool_]) -> tuple[str, ...]
 def _by_speeds(log: RobotLog, robot: RobotDescription) -> tuple[RobotLog, NDArray[np.bool_]]:
     """The log with the positions that its speeds tell better than few digits, and [1, axes] which these are."""
     none = np.zeros((1, robot.axes), bool)
-    if log.qd is None or len(log.time) < 2:
+    if log.qd is None or len(log.time) < 2 or not np.isfinite(log.time).any():
         return log, none
     good = (np.abs(log.q) <= limits(robot)).all(axis=1) & (np.abs(log.time - np.nanmedian(log.time)) < DAY_S)
     stamps, first = np.unique(log.time[good], return_index=True)

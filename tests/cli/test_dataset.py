@@ -43,6 +43,10 @@ def test_power_from_the_log_growing_and_exit_codes(tmp_path):
         ((*build, "--append"), "nothing new, 5 of its logs .*; 1 cannot be used, the first: "),
         ((*build[:-1], tmp_path / "two", "--cut", "soon"), "--cut soon: expected auto, 0, or at least 2.5 s"),
         ((*build[:-1], tmp_path / "two", "--robot", "kinova_gen3"), "none of 6 logs can be used; the first: "),
+        (
+            (*build[:-1], tmp_path / "two"),
+            "; --robot was not given: the logs were read as those of iiwa7_r800",
+        ),
         ((*build, "--append", "--robot", "kinova_gen3"), "holds recordings of ur3e, not of kinova_gen3"),
     ):
         failed = acqd_here(*arguments)

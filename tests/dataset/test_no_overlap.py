@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acqd.dataset.no_overlap import no_overlap
+from acqd.dataset.no_overlap import far_apart, no_overlap
 from acqd.dataset.power import PowerStream
 from acqd.robot.log import RobotLog
 
@@ -49,3 +49,25 @@ def test_logs_in_a_gap_of_the_power_are_not_called_of_another_zone():
     days = [stream(T0), stream(T0 + 2 * 86_400)]
     log = RobotLog(Path("a.csv"), T0 + 86_400 + np.arange(0, 30, 0.01), np.zeros((3000, 6)))
     assert "has the stream a gap" in no_overlap(days, [log])
+
+
+@pytest.mark.parametrize(
+    ("lag_s", "said"),
+    [
+        (37.2, ""),
+        (-118.0, ""),
+        (3637.2, "the logs' clock is 1 h ahead of the meter's"),
+        (-5.5 * 3600 + 40, "the meter's clock is 5.5 h ahead of the logs'"),
+        (3 * 86_400, "3.0 days before the logs"),
+        (-20 * 60 - 130, "22 min after the logs"),
+    ],
+)
+def test_power_that_fits_at_another_time_is_said(lag_s, said):
+    logs = [RobotLog(Path("a.csv"), T0 + np.arange(0, 30, 0.01), np.zeros((3000, 6)))]
+    lines = far_apart([lag_s, lag_s + 0.1], [stream(T0 - lag_s)], logs)
+    assert len(lines) == bool(said) and all(said in line for line in lines), lines
+
+
+def test_times_that_count_from_the_start_are_far_from_no_clock():
+    logs = [RobotLog(Path("a.csv"), np.arange(0, 30, 0.01), np.zeros((3000, 6)))]
+    assert far_apart([-T0], [stream(T0)], logs) == []

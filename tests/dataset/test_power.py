@@ -336,8 +336,16 @@ def test_cells_are_read_as_programs_write_them(tmp_path, text, P):
     [
         ("p.csv", "time,P,P\n1,2,3\n", "has several columns 'P'"),
         ("p.jsonl", '{"time": 1, "P": [1]}\n', r"data row 1: column P holds '\[1\]'"),
-        ("p.jsonl", '{"time": [1, 2], "P": 1}\n', "column time: "),
+        ("p.jsonl", '{"time": [1, 2], "P": 1}\n', r"data row 1: time .\[1, 2\]. is no number"),
         ("p.csv", "time;P\n1;1.234,5\n", "column P holds '1.234,5'"),
+        ("p.csv", "time,P\n1,2\n\0\0\0\0,3\n", "data row 2: time .*is no number"),
+        ("p.csv", "\x02\x1f,P\n1,2\n", "is no text"),
+        (
+            "p.csv",
+            "time,P\n2026-01-01T00:00:00Z,1\n2026-01-01T00:00:01,2\n",
+            "data row 2: its time has no zone, those of the rows before have one",
+        ),
+        ("p.csv", "time,P\n" + "".join(f"{60 + k % 7},{1.7e9 + k:.0f}\n" for k in range(200)), "columns exchanged"),
     ],
 )
 def test_cells_that_are_no_numbers_are_named(tmp_path, name, text, said):
@@ -366,3 +374,18 @@ def test_a_device_that_only_later_rows_of_json_name_is_another_one(tmp_path, mon
     (tmp_path / "p.jsonl").write_text("".join(rows))
     with pytest.raises(UserError, match="holds several devices"):
         open_power(str(tmp_path / "p.jsonl"), None, None)
+
+
+@pytest.mark.parametrize(("name", "said"), [("none.dat", "no such file"), ("folder", "is a folder")])
+def test_a_place_that_is_no_file_is_named(tmp_path, name, said):
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(UserError, match=f"{said}; expected an SQL URL"):
+        open_power(str(tmp_path / name), None, None)
+
+
+@pytest.mark.parametrize(("end", "used"), [("Z", False), ("", True)])
+def test_a_zone_that_is_not_needed_is_said(tmp_path, end, used):
+    rows = "".join(f"2026-01-01T00:00:{k:02d}{end},{k % 5}\n" for k in range(30))
+    (tmp_path / "p.csv").write_text(f"time,P\n{rows}")
+    notes = open_power(str(tmp_path / "p.csv"), None, None, zone="Europe/Berlin").notes
+    assert any("--zone is not used" in note for note in notes) != used
