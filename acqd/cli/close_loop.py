@@ -42,7 +42,9 @@ def close_loop(
     explain: Annotated[
         list[str] | None, typer.Option(help="Also print the way of this effect through the rules; may be repeated.")
     ] = None,
-    seed: Annotated[int, typer.Option(help="Seed of a grey box that is fitted again; no verdict depends on it.")] = 1,
+    seed: Annotated[
+        int, typer.Option(min=0, help="Seed of a grey box that is fitted again; no verdict depends on it.")
+    ] = 1,
     robot: Annotated[str | None, typer.Option(help="Robot description (default: the bundle's).")] = None,
     since: Annotated[
         datetime | None,

@@ -34,6 +34,8 @@ def train_one(config: TrainConfig, progress: Progress) -> dict[str, Any]:
     """
     if config.network not in NAMES:
         raise UserError(f"no network {config.network!r}; the networks are {', '.join(NAMES)}")
+    if config.seed < 0:
+        raise UserError(f"seed {config.seed}: expected a whole number from 0 on")
     require_free(config.out)
     data = load_dataset(config.dataset)
     started = time.monotonic()

@@ -36,6 +36,7 @@ MISTAKES = {
     ("sink", "quarantine", "list", "--limit"): "sink quarantine list: ",
     ("replay", "--mode", "square", "x.npz"): "replay: --mode: 'square': expected 'synchronous', 'fixed'; see acqd rep",
     ("archive", "verify", "--config"): "archive verify: --config: expected an argument after the option; see acqd a",
+    ("train", "ds", "--seed", "-1"): "train: --seed: expected a number greater than or equal to 0; see acqd train",
     ("train",): "train: missing argument 'DS'; see acqd train --help",
     ("completeness",): "no such command 'completeness' (did you mean 'acqd sink completeness'?); see acqd --help",
     ("archive", "nosuch"): "archive: no such command 'nosuch'; see acqd archive --help",

@@ -56,7 +56,9 @@ def train(
     on: Annotated[list[str] | None, typer.Option(help="Kind of trajectories to train on (default all).")] = None,
     models: Annotated[Path | None, typer.Option(help="Folder for bundles (default DS.models).")] = None,
     out: Annotated[Path | None, typer.Option(help="Folder of the bundle, in place of --models.")] = None,
-    seed: Annotated[list[int] | None, typer.Option(help="Random seed; may be given several times (default 1).")] = None,
+    seed: Annotated[
+        list[int] | None, typer.Option(min=0, help="Random seed; may be given several times (default 1).")
+    ] = None,
     epochs: Annotated[int, typer.Option(min=1, help="Passes over all training recordings.")] = 2000,
     batch: Annotated[int, typer.Option(min=1, help="Sequences per optimiser step.")] = 11,
     rate: Annotated[
