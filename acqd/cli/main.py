@@ -8,11 +8,12 @@ import os
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import NoReturn, TextIO
+from typing import TextIO
 
 from typer import Typer
 
 from acqd.cli.commands import command_tree
+from acqd.cli.standard_streams import READER_GONE, close_output, open_streams, say
 from acqd.cli.usage import answered
 from acqd.errors import OperationError, UserError, without_number
 from acqd.garbage import uncollected
@@ -44,17 +45,6 @@ class _Lines(logging.Formatter):
         return f"acqd: {record.levelname.lower()}: {text}" if record.levelno > logging.INFO else f"acqd: {text}"
 
 
-def _end_quietly() -> NoReturn:
-    """Exit with 0: the reader of our output has gone (acqd replay ... | head), and nothing is wrong."""
-    _give_up_stdout()
-    sys.exit(0)
-
-
-def _give_up_stdout() -> None:
-    """Else the interpreter tries again at its end, and prints that it cannot."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-
-
 def main() -> None:
     """Run the command line."""
     for_people(lambda: _imported(sys.argv[1:])(prog_name="acqd", standalone_mode=False))
@@ -72,8 +62,9 @@ def _imported(arguments: Sequence[str]) -> Typer:
 def for_people(work: Callable[[], object]) -> None:
     """Run `work`, which may return an exit code; errors become one line.
 
-    Exit codes: 0 ok, 1 failure, 2 bad input or usage, 130 interrupted.
+    Exit codes: 0 ok, 1 failure, 2 bad input or usage, 130 interrupted, 141 the reader of the output has gone.
     """
+    open_streams()
     handler = _Stderr()
     handler.setFormatter(_Lines())
     logging.basicConfig(level=logging.INFO, handlers=[handler])
@@ -81,17 +72,17 @@ def for_people(work: Callable[[], object]) -> None:
     logging.getLogger("mqtt").setLevel(logging.ERROR)
     try:
         code = work()
-        _flush()  # here, where an error is answered
+        close_output()  # here, where an error is answered
     except UserError as error:
-        print(f"acqd: {error}", file=sys.stderr)
+        say(f"acqd: {error}")
         sys.exit(2)
     except OperationError as error:
-        print(f"acqd: {error}", file=sys.stderr)
+        say(f"acqd: {error}")
         sys.exit(1)
     except OSError as error:
-        if isinstance(error, BrokenPipeError):
-            _end_quietly()
-        print(f"acqd: {_named(error)}", file=sys.stderr)
+        if isinstance(error, BrokenPipeError):  # of a file that is a pipe
+            sys.exit(READER_GONE)
+        say(f"acqd: {_named(error)}")
         sys.exit(2 if error.errno in _REMEDIES else 1)
     except KeyboardInterrupt:
         sys.exit(130)
@@ -99,7 +90,7 @@ def for_people(work: Callable[[], object]) -> None:
         if not answered(error):
             if (line := _unanswered(error)) is None:
                 raise
-            print(f"acqd: {line}", file=sys.stderr)
+            say(f"acqd: {line}")
         sys.exit(2)
     if isinstance(code, int):
         sys.exit(code)
@@ -111,8 +102,6 @@ def _named(error: OSError) -> str:
     remedy = _REMEDIES.get(error.errno or 0, "")
     if error.filename is not None:
         return f"{error.filename}: {what}{remedy}"
-    if _of_stdout(error):
-        return f"standard output: {what}{remedy}"
     import traceback  # only here: it is slow to import
 
     frames = list(traceback.walk_tb(error.__traceback__))
@@ -122,21 +111,6 @@ def _named(error: OSError) -> str:
     frame, line = frames[ours[-1]]
     file = Path(frame.f_code.co_filename).relative_to(_PROGRAM.parent)
     return f"{what}, in {frame.f_code.co_name} ({file}, line {line}){remedy}"
-
-
-def _flush() -> None:
-    if sys.stdout is not None:  # closed by who has started this program
-        sys.stdout.flush()
-
-
-def _of_stdout(error: OSError) -> bool:
-    """Whether what waits for standard output cannot be written for the same reason; it is given up then."""
-    try:
-        _flush()
-    except OSError as again:
-        _give_up_stdout()
-        return again.errno == error.errno
-    return False
 
 
 _WORDS = {errno.ENOENT: "no such file or folder", errno.EISDIR: "is a folder"}

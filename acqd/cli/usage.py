@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import re
-import sys
 from difflib import SequenceMatcher
 from typing import Any
 
 from typer.core import TyperGroup
 
+from acqd.cli.standard_streams import say
 from acqd.errors import UserError, in_our_words
 
 _WORDS = (
@@ -53,7 +53,8 @@ def answered(error: Exception) -> bool:
         error.possibilities = _meant(error) or [name for name in error.possibilities or () if _alike(error, name)]
     text = str(message())  # which may print the help by itself
     if type(error).__name__ == "NoArgsIsHelpError":
-        print(text, end="\n" if text else "", file=sys.stderr)
+        if text:
+            say(text)
         return True
     said = " ".join(text.split()).rstrip(".")
     for pattern, replacement in _WORDS:
@@ -63,7 +64,7 @@ def answered(error: Exception) -> bool:
     context = getattr(error, "ctx", None)
     whole = context.command_path if context is not None else "acqd"
     command = whole.removeprefix("acqd").strip()
-    print(f"acqd: {command}{': ' if command else ''}{said}; see {whole} --help", file=sys.stderr)
+    say(f"acqd: {command}{': ' if command else ''}{said}; see {whole} --help")
     return True
 
 
