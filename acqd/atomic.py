@@ -12,9 +12,14 @@ from pathlib import Path
 
 from acqd.errors import OperationError, UserError
 
+_BEGINNING = 65_536
+"""Bytes of a file that show what it is."""
+
 
 def require_writable(path: Path) -> None:
     """Raises UserError where this user cannot make or replace a file or folder: before the work that fills it."""
+    if path.exists() and not path.is_file() and not path.is_dir():
+        return  # a pipe or a device, which is written to
     parent = next(folder for folder in path.absolute().parents if folder.exists())
     if not parent.is_dir() or not os.access(parent, os.W_OK | os.X_OK):
         raise UserError(f"{path}: {parent} is not a folder that this user may write to; choose another --out")
@@ -36,6 +41,32 @@ def require_free(folder: Path, mark: str, what: str) -> None:
     require_writable(folder)
     if folder.exists() and not (folder / mark).exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise UserError(f"{folder} exists and is not an earlier {what}: it would be lost; choose another --out")
+
+
+def require_new(path: Path, what: str) -> None:
+    """Raises UserError where a file is in the place of `what`, of which there may be no other: a backup, samples."""
+    if path.exists():
+        raise UserError(f"{path} exists, and {what} replaces no file; choose another --out, or remove what is there")
+
+
+def require_earlier(path: Path, mark: bytes, what: str) -> None:
+    """Raises UserError unless a file is absent, empty, or an earlier `what`, whose beginning holds `mark`."""
+    if not path.is_file():
+        return
+    try:
+        with path.open("rb") as file:
+            beginning = file.read(_BEGINNING)
+    except OSError as error:
+        raise UserError(f"{path}: cannot be read ({error.strerror}); choose another file to write") from None
+    if beginning and mark not in beginning:
+        raise UserError(f"{path} exists and is not an earlier {what}: it would be lost; choose another file to write")
+
+
+def write_table(path: Path, text: str) -> None:
+    """Write a CSV table; it replaces one with the same columns only. Raises UserError, OperationError."""
+    content = text.encode()
+    require_earlier(path, content.partition(b"\n")[0].rstrip(), "table with these columns")
+    write_complete(path, content)
 
 
 @contextmanager
@@ -62,6 +93,37 @@ def complete_folder(path: Path) -> Iterator[Path]:
         raise OperationError(f"{path}: {error.strerror}; nothing was left behind") from None
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
+
+
+def write_new(path: Path, content: bytes) -> None:
+    """Write a file that does not exist, completely or not at all. Raises FileExistsError, OSError."""
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.new")
+    try:
+        _write_to_disk(temporary, content)
+        give_name(temporary, path)
+    finally:
+        with suppress(OSError):
+            temporary.unlink()
+
+
+def _write_to_disk(path: Path, content: bytes) -> None:
+    with path.open("wb") as file:
+        file.write(content)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def give_name(temporary: Path, path: Path) -> None:
+    """Rename a file to a name that no file has. Raises FileExistsError, whoever else makes the name meanwhile."""
+    try:
+        os.link(temporary, path)
+    except FileExistsError:
+        raise
+    except OSError:  # a file system without hard links
+        os.close(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL))
+        temporary.replace(path)
+    else:
+        temporary.unlink()
 
 
 def private(path: str, flags: int) -> int:
@@ -93,10 +155,7 @@ def replace_file(path: Path, content: bytes) -> None:
     target = path.resolve()
     temporary = target.with_name(f".{target.name}.new")
     try:
-        with temporary.open("wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
+        _write_to_disk(temporary, content)
         temporary.replace(target)
     except OSError as error:
         with suppress(OSError):

@@ -44,7 +44,8 @@ def test_a_full_disk_leaves_what_was_there(tmp_path, monkeypatch):
     def full(descriptor):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    (tmp_path / "plant.html").write_text("of yesterday")
+    Page("Plant", simulated=True).write(tmp_path / "plant.html")
+    of_yesterday = (tmp_path / "plant.html").read_text()
     monkeypatch.setattr(os, "fsync", full)
     with pytest.raises(UserError, match=r"plant.html: cannot be written \(No space left on device\)"):
         Page("Plant", simulated=True).write(tmp_path / "plant.html")
@@ -52,7 +53,7 @@ def test_a_full_disk_leaves_what_was_there(tmp_path, monkeypatch):
         done = acqd_here(*words, cwd=tmp_path)
         assert done.returncode == 2 and "No space left on device" in done.stderr
     assert [path.name for path in sorted(tmp_path.rglob("*")) if path.is_file()] == ["plant.html"]
-    assert (tmp_path / "plant.html").read_text() == "of yesterday"
+    assert (tmp_path / "plant.html").read_text() == of_yesterday
 
 
 def test_what_is_no_file_is_written_to(tmp_path):

@@ -11,6 +11,7 @@ import typer
 from acqd.archive.catalogue import Contents, Gap, contents
 from acqd.archive.export import stretches, written
 from acqd.archive.verify import Checked, verified
+from acqd.atomic import require_new
 from acqd.cli.folded_table import Table
 from acqd.cli.options import ConfigFile, Json, config_file, utc_option
 from acqd.cli.terminal import terminal
@@ -18,6 +19,7 @@ from acqd.daemon.archive.replay import chosen
 from acqd.daemon.config_file import load_config
 from acqd.errors import OperationError, UserError
 from acqd.report.digits import quantity
+from acqd.sources.comtrade.write import files_of
 from acqd.timestamps import rfc3339
 
 app = typer.Typer(no_args_is_help=True, help="Samples that a daemon has kept: list, check, export.")
@@ -131,6 +133,8 @@ def export(
     """
     begin, end = utc_option("--from", since), utc_option("--to", until)
     there = chosen(place_of(folder, config), device, begin, end)
+    for path in (file for name in (out, out.with_stem(f"{out.stem}-2")) for file in files_of(name)):
+        require_new(path, "an export")
     told: list[dict[str, Any]] = []
     for number, waveform in enumerate(stretches(there, begin, end), start=1):
         path = out if number == 1 else out.with_stem(f"{out.stem}-{number}")

@@ -12,12 +12,12 @@ from typing import Annotated
 import orjson
 import typer
 
-from acqd.atomic import require_writable, write_complete
+from acqd.atomic import require_new, require_writable, write_complete
 from acqd.cli.options import ConfigFile, Json, configured
 from acqd.daemon.health.capture import MOST_S, captured
 from acqd.errors import InputError, UserError
 from acqd.sources import ChannelMap, Waveform, load_waveform
-from acqd.sources.comtrade.write import write_comtrade
+from acqd.sources.comtrade.write import files_of, write_comtrade
 from acqd.sources.npz_write import npz_bytes
 from acqd.timestamps import rfc3339
 
@@ -50,6 +50,8 @@ def capture(
     if not out.parent.is_dir():
         raise UserError(f"--out {out}: folder {out.parent} does not exist; create it")
     require_writable(out)
+    for path in files_of(out):
+        require_new(path, "a capture")
     if file is None:
         if begin or end or mapping or rate or u_scale or i_scale:
             raise UserError(
@@ -59,8 +61,6 @@ def capture(
     else:
         if seconds is not None or device:
             raise UserError("--seconds and --device are for the running daemon; use --from and --to for a recording")
-        if out.resolve() == file.resolve():
-            raise UserError(f"{out} would be overwritten; give another --out")
         columns = ChannelMap.parse(mapping) if mapping else None
         waveform = _part(file, load_waveform(file, ChannelMap(columns, u_scale, i_scale, rate)), begin, end)
     _write(out, waveform)

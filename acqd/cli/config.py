@@ -14,7 +14,7 @@ import typer
 from rich.console import Console
 from rich.markup import escape
 
-from acqd.atomic import replace_file
+from acqd.atomic import write_new
 from acqd.cli.findings_table import findings_table
 from acqd.cli.folded_table import Table
 from acqd.cli.options import ConfigFile, Json, config_file
@@ -45,10 +45,10 @@ def init(
     if str(path) == "-":
         print(text, end="")
         return
-    if path.exists():
-        raise UserError(f"{path} exists: remove it, or name another file")
     try:
-        replace_file(path, text.encode())
+        write_new(path, text.encode())
+    except FileExistsError:
+        raise UserError(f"{path} exists: remove it, or name another file") from None
     except OSError as error:
         raise UserError(f"{path}: cannot be written ({error.strerror})") from None
     print(orjson.dumps({"file": str(path)}).decode() if json else f"{path}: try it with acqd run --config {path}")

@@ -9,11 +9,11 @@ from typing import Annotated
 import orjson
 import typer
 
-from acqd.atomic import require_writable, write_complete
+from acqd.atomic import write_complete
 from acqd.cli.folded_table import Table
 from acqd.cli.options import Json
 from acqd.cli.terminal import terminal
-from acqd.errors import InputError, UserError
+from acqd.errors import UserError
 from acqd.extras import require
 
 
@@ -29,7 +29,7 @@ def reports(
     Example: acqd reports campaign
     """
     require("acqd reports", ("jinja2",), "loop")
-    from acqd.report.head import read_head
+    from acqd.report.head import require_page
     from acqd.report.index import INDEX, KIND, index_page, pages_beneath, said, what
 
     if folder.is_file():
@@ -37,15 +37,8 @@ def reports(
     page = out or folder / INDEX
     if page.suffix not in (".html", ".htm"):
         raise UserError(f"--out {page}: a page ends in .html")
-    require_writable(page)
+    require_page(page, KIND)
     found = pages_beneath(folder)
-    if page.exists():
-        try:
-            earlier = read_head(page).kind
-        except InputError:
-            earlier = "file"
-        if earlier != KIND:
-            raise UserError(f"{page} exists and is not a list of reports: it would be lost; choose another --out")
     write_complete(page, index_page(found, page).html().encode())
     if json:
         listed = [{"path": str(each.path), **asdict(each.head)} for each in found.pages]

@@ -10,17 +10,25 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
+from acqd.atomic import require_earlier
 from acqd.errors import UserError
+
+_ROW = b'{"device":'
+"""What every line begins with: rows, values of power quality, events, phasors."""
 
 
 @contextmanager
 def output_file(path: Path) -> Iterator[BinaryIO]:
-    """A binary stream to `path`; `-` is stdout. Raises UserError and leaves no file when it cannot be written."""
+    """A binary stream of JSON lines to `path`; `-` is stdout. An earlier file of such lines is replaced, no other one.
+
+    Raises UserError and leaves no file when it cannot be written.
+    """
     if str(path) == "-":
         yield sys.stdout.buffer
         sys.stdout.buffer.flush()
         return
     path = path.resolve()  # a link stays a link
+    require_earlier(path, _ROW, "file of rows")
     if path.exists() and not path.is_file():  # a pipe or device is written to, never replaced
         try:
             with path.open("wb") as stream:

@@ -22,7 +22,7 @@ from acqd.discrepancy.search import search
 from acqd.discrepancy.selection.accepted import Selected, Selection
 from acqd.discrepancy.thresholds import THRESHOLDS
 from acqd.errors import UserError
-from acqd.models.bundle.bundle import require_free
+from acqd.models.bundle.bundle import require_made_again
 from acqd.models.effects import library
 
 _LEAST_KNOWN = GUESSED_DRIVE_DEVIATION
@@ -70,7 +70,7 @@ def calibrate(
     """
     if not (math.isfinite(known_kg) and known_kg > 0):
         raise UserError(f"--known-mass {known_kg:g}: expected the mass at the flange, in kg, above 0")
-    require_free(config.out)
+    require_made_again(config.out, lambda earlier: KEY in earlier)
     subject = subject_of(config, progress)
     if mistimed := another_time(subject):
         raise UserError(f"{config.dataset}: {mistimed}")

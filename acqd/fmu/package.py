@@ -14,6 +14,7 @@ from typing import Any
 
 import orjson
 
+from acqd.atomic import require_earlier
 from acqd.errors import UserError
 from acqd.fmu.constants import sources, token_of
 from acqd.fmu.description import IDENTIFIER, Described, Version, build_description, description
@@ -60,6 +61,7 @@ def export_fmu(
             raise UserError(f"no platform {name!r}; the platforms are {', '.join(PLATFORMS)}")
     if out.is_dir():
         raise UserError(f"{out} is a folder; name the file with --out")
+    require_earlier(out, IDENTIFIER.encode(), "FMU of acqd")
     opened, model = open_model(bundle)
     _require_revolute(bundle, opened)
     try:

@@ -15,6 +15,7 @@ from typing import IO, Annotated
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError
 
+from acqd.atomic import give_name, require_new
 from acqd.errors import InputError, OperationError, in_our_words
 
 _MANIFEST, _FILES = "manifest.json", "files"
@@ -95,8 +96,12 @@ class Writer:
 
 @contextmanager
 def writing(path: Path, manifest: Manifest) -> Iterator[Writer]:
-    """A backup that appears complete or not at all, readable by its owner only. Raises OperationError."""
-    new = path.with_name(f".{path.name}.new")
+    """A new file that appears complete or not at all, readable by its owner only.
+
+    Raises UserError where the file exists: an earlier backup may be the only one that is good. Raises OperationError.
+    """
+    require_new(path, "a backup")
+    new = path.with_name(f".{path.name}.{os.getpid()}.new")
     try:
         with (
             open(os.open(new, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "wb") as file,
@@ -107,7 +112,10 @@ def writing(path: Path, manifest: Manifest) -> Iterator[Writer]:
             writer.finish()
         with new.open("rb") as written:
             os.fsync(written.fileno())
-        new.replace(path)
+        give_name(new, path)
+    except FileExistsError:
+        require_new(path, "a backup")
+        raise
     except OSError as error:
         raise OperationError(f"{error.filename or path}: {error.strerror}; no backup was written") from None
     finally:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acqd.arrays import Floats
+from acqd.atomic import require_earlier
 from acqd.dataset.resample import resampled
 from acqd.errors import InputError, UserError
 from acqd.models.bundle.bundle import Bundle
@@ -19,6 +20,7 @@ from acqd.robot.log import RobotLog, in_time
 from acqd.robot.log_ends import unknown_ends
 from acqd.robot.log_reader import read_log
 
+_COLUMNS = "time,P_predicted_W,outside_envelope"
 _GAP_S = 0.25
 _MIN_ROWS = 3
 
@@ -42,8 +44,9 @@ class Prediction:
         return float(np.nansum(self.P)) * self.step_s / 3.6e6
 
     def write(self, path: Path) -> None:
-        """Write the rows as CSV. Raises UserError."""
-        lines = ["time,P_predicted_W,outside_envelope"]
+        """Write the rows as CSV, in the place of an earlier prediction at most. Raises UserError."""
+        require_earlier(path, _COLUMNS.encode(), "prediction")
+        lines = [_COLUMNS]
         rows = zip(self.time, self.P, self.outside, strict=True)
         lines += [f"{t:.6f},{'' if np.isnan(p) else f'{p:.4f}'},{int(flag)}" for t, p, flag in rows]
         unfinished = path.with_name(f".{path.name}.new")

@@ -10,7 +10,7 @@ import numpy as np
 
 from acqd import __version__
 from acqd.errors import UserError
-from acqd.models.bundle.bundle import Bundle, require_free, save_bundle
+from acqd.models.bundle.bundle import Bundle, require_made_again, save_bundle
 from acqd.models.bundle.envelope import Envelope
 from acqd.models.bundle.reference import reference_arrays
 from acqd.models.config import GREY_BOX, HYBRID, Progress, TrainConfig, TrainedModel
@@ -27,6 +27,13 @@ def bundle_name(network: str, kinds: tuple[str, ...], seed: int) -> str:
     return f"{network}-{'+'.join(sorted(kinds)) or 'everything'}-s{seed}"
 
 
+def _same(config: TrainConfig, earlier: dict[str, Any]) -> bool:
+    """Whether a bundle is of the model that is trained again: the same network, the same dataset, nothing added."""
+    dataset = Path(str(earlier.get("provenance", {}).get("dataset", ""))).name
+    added = "loop" in earlier
+    return earlier.get("name") == config.network and dataset == config.dataset.resolve().name and not added
+
+
 def train_one(config: TrainConfig, progress: Progress) -> dict[str, Any]:
     """Train a model and write its bundle. Returns the contents of bundle.json.
 
@@ -36,7 +43,7 @@ def train_one(config: TrainConfig, progress: Progress) -> dict[str, Any]:
         raise UserError(f"no network {config.network!r}; the networks are {', '.join(NAMES)}")
     if config.seed < 0:
         raise UserError(f"seed {config.seed}: expected a whole number from 0 on")
-    require_free(config.out)
+    require_made_again(config.out, lambda earlier: _same(config, earlier))
     data = load_dataset(config.dataset)
     started = time.monotonic()
     training = data.part("train", config.kinds)

@@ -12,7 +12,8 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, get_args
 
-from acqd.errors import InputError
+from acqd.atomic import require_writable
+from acqd.errors import InputError, UserError
 from acqd.report.verdict import KeyFigure, Tone, Verdict
 
 _BEGINNING = 65_536
@@ -61,6 +62,21 @@ def read_head(path: Path) -> Head:
     if not whole:
         raise InputError(path, "is cut off: the end of the page is missing; write the report again")
     return head
+
+
+def require_page(path: Path, kind: str) -> None:
+    """Raises UserError unless a page of this kind may be written: nothing is there, or an earlier one of its kind."""
+    require_writable(path)
+    if not path.is_file() or not path.stat().st_size:
+        return
+    try:
+        earlier = read_head(path).kind
+    except InputError:
+        earlier = ""
+    if earlier not in (kind, "page"):  # "page": of an earlier version
+        raise UserError(
+            f"{path} exists and is no earlier page of the kind {kind}: it would be lost; choose another name"
+        )
 
 
 def _of_json(path: Path, text: bytes) -> Head:

@@ -18,7 +18,7 @@ from acqd.report.chain import EMPTY
 from acqd.report.digits import unbroken
 from acqd.report.drawing import inline_svg
 from acqd.report.footer import provenance
-from acqd.report.head import Head
+from acqd.report.head import Head, require_page
 from acqd.report.lines import Chart
 from acqd.report.verdict import Verdict
 
@@ -128,7 +128,8 @@ class Page:
         return scripts() if any(isinstance(block, ArmView) for block in blocks) else {}
 
     def write(self, path: Path) -> None:
-        """Write the page. Raises UserError when the file cannot be written."""
+        """Write the page, in the place of an earlier one of its kind at most. Raises UserError."""
+        require_page(path, self._kind)
         try:
             replace_file(path, self.html().encode())
         except OSError as error:

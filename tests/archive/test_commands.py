@@ -57,6 +57,11 @@ def test_an_export_is_read_by_replay(kept, tmp_path, ending):
     if ending == "npz":
         waveform = load_waveform(out)
         assert (waveform.codes == CODES[10_000:16_800]).all() and waveform.start_utc_ns == UTC + 500_000_000
+    out.unlink()
+    line = refused(acqd_here("archive", "export", root / "archive", "--out", out))  # the second file is there
+    assert "replaces no file" in line and not out.exists()
+    told("archive", "export", root / "archive", "--from", begin, "--to", end, "--out", tmp_path / f"other.{ending}")
+    out = tmp_path / f"other.{ending}"
     scale = ("--u-scale", "655.36", "--i-scale", "9.8304", "--map", "u1=0,i1=1") if ending == "wav" else ()
     (L1, *_) = told("replay", out, *scale)["channels"]
     assert 200 < L1["Vrms"] < 240

@@ -195,6 +195,15 @@ def test_a_backup_that_cannot_be_written_leaves_nothing(root, tmp_path):
     assert "no such file" in refused(restored(root, tmp_path / "nothing.tar.gz"))
 
 
+def test_a_backup_replaces_no_file(root, tmp_path):
+    file = tmp_path / "b.tar.gz"
+    backup(root, file)
+    before = file.read_bytes()
+    line = refused(acqd_here("service", "backup", "--root", root, "--out", file))
+    assert str(file) in line and "replaces no file" in line
+    assert file.read_bytes() == before and list(tmp_path.glob("*.gz*")) == [file] and not list(tmp_path.glob(".*"))
+
+
 def test_what_a_backup_leaves_out_is_said(root, tmp_path):
     config = root / "etc/acqd/acqd.toml"
     config.write_text(

@@ -244,6 +244,7 @@ def test_pages_of_simulated_devices_say_so_on_the_first_day_and_where_rows_are_d
     assert [one.simulated for one in read.rows] == [simulated] * 2
     month = read_month(engine, Rules(None, BERLIN), *month_range("2026-10", NOW, BERLIN), {}, lambda *_: None)
     for page in (plant_page(read, tmp_path / "a.html"), month_page(month, tmp_path / "a.html")):
+        (tmp_path / "a.html").unlink(missing_ok=True)
         page.write(tmp_path / "a.html")
         assert ('class="label">simulated data<' in (tmp_path / "a.html").read_text()) is simulated
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import orjson
 import typer
 
-from acqd.atomic import write_complete
+from acqd.atomic import write_table
 from acqd.cli.energy.outputs import check_outputs
 from acqd.cli.folded_table import Table
 from acqd.cli.options import Json
@@ -67,7 +67,7 @@ def causes(
     balance = balance_of(rows, by, labels_of(rows, by, local, dataset), prices_of(rows, given))
     years = years_of(rows, work)
     if csv is not None:
-        write_complete(csv, as_csv(balance).encode())
+        write_table(csv, as_csv(balance))
     if html is not None:
         from acqd.balance.page import balance_page
         from acqd.report.chain import REPORT, connect

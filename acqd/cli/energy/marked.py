@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import orjson
 
-from acqd.atomic import write_complete
+from acqd.atomic import write_table
 from acqd.cli.folded_table import Table
 from acqd.cli.terminal import terminal
 from acqd.errors import UserError
@@ -54,7 +54,7 @@ def marked(
     of_device = {name: marks.get(name) or marks[""] for name in wanted or sorted(marks)}
     found, without_rows = _by_device(engine, of_device, chosen, tariff, all_needed=bool(wanted) or len(marks) == 1)
     if table is not None:
-        write_complete(table, _csv(found).encode())
+        write_table(table, _csv(found))
     if page is not None:
         from acqd.energy.mark_page import mark_page
 

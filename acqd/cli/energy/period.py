@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import orjson
 import typer
 
-from acqd.atomic import write_complete
+from acqd.atomic import write_table
 from acqd.cli.energy.outputs import check_outputs
 from acqd.cli.folded_table import Table
 from acqd.cli.options import ConfigFile, Json, configured
@@ -77,7 +77,7 @@ def energy(
     if csv is not None:
         from acqd.energy.tables import as_csv
 
-        write_complete(csv, as_csv(bill).encode())
+        write_table(csv, as_csv(bill))
     if html is not None:
         from acqd.energy.page import energy_page
 

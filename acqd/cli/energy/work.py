@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import orjson
 import typer
 
-from acqd.atomic import write_complete
+from acqd.atomic import write_table
 from acqd.cli.energy.outputs import check_outputs
 from acqd.cli.folded_table import Table
 from acqd.cli.options import Json
@@ -60,7 +60,7 @@ def work(
         values = labelled(segments, by, data.step_s, dataset)
         told, text = tables.labels_json(by, values), tables.labels_csv(by, values)
     if csv is not None:
-        write_complete(csv, text.encode())
+        write_table(csv, text)
     if html is not None:
         from acqd.report.chain import REPORT, connect
         from acqd.work.page import cycles_page, labels_page

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -39,6 +40,21 @@ def require_free(path: Path) -> None:
     require_writable(path)
     if path.exists() and not is_bundle(path) and not (path.is_dir() and not any(path.iterdir())):
         raise UserError(f"{path} exists and is not a bundle: it would be overwritten; choose another --out")
+
+
+def require_made_again(path: Path, same: Callable[[dict[str, Any]], bool]) -> None:
+    """Raise UserError unless a bundle may be written to `path`, and one that is there is the `same` made before."""
+    require_free(path)
+    if not is_bundle(path):
+        return
+    try:
+        earlier = load_metadata(path)
+    except InputError:  # damaged, or of another version: made again is what helps
+        return
+    if not same(earlier):
+        raise UserError(
+            f"{path} holds another model ({earlier.get('name')}): it would be lost; choose another --out, or remove it"
+        )
 
 
 def save_bundle(path: Path, bundle: Bundle) -> None:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from acqd import __version__
-from acqd.atomic import write_complete
+from acqd.atomic import require_earlier, write_complete
 from acqd.errors import UserError
 from acqd.models.bundle.bundle import Bundle
-from acqd.models.networks.onnx_graph import onnx_model
+from acqd.models.networks.onnx_graph import PRODUCER, onnx_model
 from acqd.models.networks.predictor import NetworkPredictor
 from acqd.models.predictor import Predictor
 
@@ -21,6 +21,7 @@ def export_onnx(bundle: Bundle, model: Predictor, out: Path) -> int:
         )
     if out.is_dir():
         raise UserError(f"{out} is a folder; name the file with --out")
+    require_earlier(out, PRODUCER.encode(), "network of acqd export-onnx")
     metadata = bundle.metadata
     properties = {
         "acqd": __version__,

@@ -16,6 +16,7 @@ from acqd.models.networks.architecture import HIDDEN
 from acqd.models.networks.predictor import NetworkPredictor
 
 OPSET, IR_VERSION = 18, 9  # of onnxruntime 1.17 and later
+PRODUCER = "acqd"
 _DOUBLE = TensorProto.DOUBLE
 
 
@@ -73,7 +74,7 @@ def onnx_model(model: NetworkPredictor, metadata: dict[str, str]) -> onnx.ModelP
     inputs[0].doc_string, outputs[0].doc_string = f"joint angles, rad, {model.step_s} s apart", "mains power, W"
     whole = helper.make_graph(graph.nodes, "acqd", inputs, outputs, graph.constants)
     made = helper.make_model(
-        whole, producer_name="acqd", ir_version=IR_VERSION, opset_imports=[helper.make_opsetid("", OPSET)]
+        whole, producer_name=PRODUCER, ir_version=IR_VERSION, opset_imports=[helper.make_opsetid("", OPSET)]
     )
     helper.set_model_props(made, metadata)
     onnx.checker.check_model(made, full_check=True)

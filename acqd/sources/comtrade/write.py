@@ -27,6 +27,13 @@ class _Content:
     data: bytes
 
 
+def files_of(path: Path) -> tuple[Path, ...]:
+    """Files that a recording is written into by this name: .cfg and .dat are two of one recording."""
+    if path.suffix.lower() in (".cfg", ".dat"):
+        return path.with_suffix(".cfg"), path.with_suffix(".dat")
+    return (path,)
+
+
 def write_comtrade(path: Path, waveform: Waveform, station: str = "acqd") -> None:
     """`path` .cff: both parts in one file; .cfg or .dat: two files. Raises UserError, OperationError."""
     content = _content(waveform, station)
