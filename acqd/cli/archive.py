@@ -18,7 +18,7 @@ from acqd.cli.terminal import terminal
 from acqd.daemon.archive.replay import chosen
 from acqd.daemon.config_file import load_config
 from acqd.errors import OperationError, UserError
-from acqd.report.digits import quantity
+from acqd.report.digits import percent, quantity
 from acqd.sources.comtrade.write import files_of
 from acqd.timestamps import rfc3339
 
@@ -77,7 +77,7 @@ def list_(
         raw = segment.samples * len(head.origin.form.scale) * head.origin.form.dtype.itemsize
         table.add_row(
             head.origin.device, segment.path.name, rfc3339(segment.begin_ns, 3), rfc3339(segment.end_ns, 3),
-            str(segment.samples), f"{segment.size / 1e6:.2f}", f"{100 * segment.size / raw:.1f} %" if raw else "-",
+            str(segment.samples), f"{segment.size / 1e6:.2f}", percent(segment.size / raw) if raw else "-",
             segment.why or "not yet",
         )  # fmt: skip
     console.print(table)

@@ -15,6 +15,7 @@ from acqd.cli.progress import progress
 from acqd.cli.terminal import terminal
 from acqd.errors import UserError
 from acqd.extras import require
+from acqd.report.digits import percent
 
 if TYPE_CHECKING:
     from acqd.dataset.config import BuildReport
@@ -176,5 +177,5 @@ def show(path: Annotated[Path, typer.Argument(metavar="DS", help="Folder of a da
     version = f"version {manifest['version']}, " if manifest.get("version", 1) > 1 else ""
     console.print(
         f"{manifest['robot']}, {version}{label}{len(manifest['recordings'])} recordings, "
-        f"{100 * valid_share(manifest):.1f} % of the rows valid, {len(manifest['refused'])} logs refused"
+        f"{percent(valid_share(manifest))} of the rows valid, {len(manifest['refused'])} logs refused"
     )

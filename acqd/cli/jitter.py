@@ -19,6 +19,7 @@ from acqd.metering import Meter
 from acqd.plc.executive import Executive
 from acqd.plc.realtime import RealtimeSettings
 from acqd.plc.stats import CycleSummary
+from acqd.report.digits import percent
 from acqd.sources.spec import Spec
 
 
@@ -54,7 +55,7 @@ def jitter(
         f"{s.cycles} cycles of {cycle_ms:g} ms, wake-up latency \\[us]: min {s.min_us}  mean {s.mean_us:.1f}  "
         f"p50 {s.p50_us}  p99 {s.p99_us}  p99.9 {s.p999_us}  max {s.max_us}\n"
         f"late (> {cycle_ms / 2:g} ms) {s.late}  missed {s.missed}  exceeded {s.exceeded}  overflow {s.overflow}  "
-        f"MAIN_FAST busy {100 * s.busy:.1f} %  MAIN_SLOW {slow_us:.0f} us per window",
+        f"MAIN_FAST busy {percent(s.busy)}  MAIN_SLOW {slow_us:.0f} us per window",
         soft_wrap=True,
     )
 

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acqd.dataset.merge import Recording
+from acqd.report.digits import percent
 from acqd.robot.log import RobotLog
 from acqd.robot.log_ends import sentence
 
@@ -32,7 +33,7 @@ def motion_notes(logs: list[RobotLog]) -> list[str]:
         left_out = sum(log.quality.bad for log in faulty)
         share = left_out / max(sum(log.quality.moving for log in logs), 1)
         notes.append(
-            f"{left_out} rows ({100 * share:.1f} % of those in motion) of "
+            f"{left_out} rows ({percent(share)} of those in motion) of "
             f"{sum(log.quality.bad > 0 for log in faulty)} logs do not hold the pose of their time; "
             f"the worst, {worst.path}: {'; '.join(worst.quality.left_out())}"
         )

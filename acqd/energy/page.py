@@ -11,7 +11,7 @@ from acqd.energy.statement import Statement
 from acqd.energy.stretches import NWH_PER_KWH
 from acqd.energy.tables import exact_kwh, standby_share
 from acqd.report import KeyFigure, Page, Verdict
-from acqd.report.digits import duration, number, percent
+from acqd.report.digits import duration, number, percent, signed_percent
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -95,7 +95,7 @@ def comparison_text(bill: Statement) -> str:
     before = bill.before
     if not isinstance(before, Comparison):
         return before
-    change = "" if before.change is None else f", {100 * before.change:+z.1f} %"
+    change = "" if before.change is None else f", {signed_percent(before.change)}"
     why = "" if before.quantity == "kWh" else " (mean power, because rows lack)"
     unit = "kWh" if before.quantity == "kWh" else "W"
     return f"{number(before.before, 4)} {unit} before{change}{why}"

@@ -27,7 +27,7 @@ from acqd.errors import UserError
 from acqd.fleet import words
 from acqd.plant.plant import Progress, accounts_of
 from acqd.report.blocks import Link
-from acqd.report.digits import counted, duration, number, percent
+from acqd.report.digits import counted, duration, number, percent, signed_percent
 from acqd.report.lines import Chart, Line, Panel
 from acqd.report.page import Page
 from acqd.report.verdict import KeyFigure, Tone, Verdict
@@ -221,7 +221,7 @@ def _change(found: Comparison | str) -> str:
     if found.change is None:
         return "nothing the month before"
     why = "" if found.quantity == "kWh" else " (mean power: rows lack)"
-    return f"{100 * found.change:+z.1f} %{why}"
+    return f"{signed_percent(found.change)}{why}"
 
 
 def _cells(month: Month, account: Account, total: float | None) -> list[str]:

@@ -11,7 +11,7 @@ from urllib.parse import quote
 from acqd.plant.device_row import SEVERITIES, DeviceRow
 from acqd.plant.plant import Plant
 from acqd.report.blocks import Link, Spark
-from acqd.report.digits import counted, duration, number
+from acqd.report.digits import counted, duration, number, signed_percent
 from acqd.report.page import Page
 from acqd.report.verdict import KeyFigure, Tone, Verdict
 
@@ -78,7 +78,7 @@ def _verdict(plant: Plant) -> Verdict:
 
 def cells(row: DeviceRow, out: Path) -> list[object]:
     """A row of the table."""
-    trend = "-" if row.change is None else f"{100 * row.change:+z.1f} %"
+    trend = "-" if row.change is None else signed_percent(row.change)
     days = ", ".join("-" if value is None else number(value) for value in row.days)
     return [
         row.device, row.severity, row.state, row.cause, row.since, _or_dash(row.kWh), _or_dash(row.EUR, cents=True),

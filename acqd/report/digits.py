@@ -10,6 +10,8 @@ from typing import Any
 FEWEST_FOR_INTERVAL = 5
 """Recordings: resampling fewer of them says next to nothing about others."""
 _MOST_DECIMALS = 6
+_ALL = 5e-5
+"""A share that lacks less is shown as 100 %."""
 _SYMBOLS = "[nµmkMGT]?(?:Wh?|VAh?|varh?|V|A|J|Hz|B|g|m|s|N|Nm|K|Ohm)"
 _UNITS_AFTER_NUMBER = re.compile(
     rf"(?<=\d) (?:%|°C|ppm|dB|EUR|min|h|d|rad|deg|degC|{_SYMBOLS})(?!\w)(?: (?:m|s)(?:/\w+)?(?!\w))*"
@@ -90,8 +92,18 @@ def duration(seconds: float) -> str:
 
 
 def percent(share: float) -> str:
-    """A share as a percentage of two significant digits at least."""
-    return f"{100 * share:.0f} %" if abs(share) >= 0.1 or share == 0 else f"{100 * share:.2g} %"
+    """A share as a percentage of two significant digits: 4.0 %, 3.9 %, 12 %; what is nearly all is 99.8 %, not 100 %."""
+    if not math.isfinite(share):
+        return "-"
+    value = 100 * share
+    if share >= 1 - _ALL or value < 99.5:
+        return f"{number(value, 2)} %"
+    return f"{value:.{1 if value < 99.95 else 2}f} %"
+
+
+def signed_percent(relative: float) -> str:
+    """A relative change as a percentage with its sign: +3.9 %."""
+    return f"{100 * relative:+z.1f} %"
 
 
 def quantity(value: float | None, unit: str, digits: int = 5) -> str:

@@ -1,4 +1,4 @@
-"""What a command was told to write never takes the place of something else: it replaces what it makes again, at most."""
+"""What a command was told to write replaces what the command makes again, and nothing else."""
 
 import os
 import shutil

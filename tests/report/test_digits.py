@@ -1,6 +1,8 @@
 """Numbers, intervals and the footer."""
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from acqd.report.digits import (
     confidence_interval,
@@ -10,6 +12,7 @@ from acqd.report.digits import (
     percent,
     quantity,
     quantity_with_interval,
+    signed_percent,
     unbroken,
     with_error,
     year_text,
@@ -43,7 +46,18 @@ def test_an_interval_says_how_many_recordings_it_is_from():
 
 def test_shares_and_durations():
     assert [percent(s) for s in (0, 0.0058, 0.036, 0.98)] == ["0 %", "0.58 %", "3.6 %", "98 %"]
+    assert [percent(s) for s in (0.04, 0.039, 0.0996, 0.995, 0.998, 0.99994, 1.0, 1.0 - 1e-9)] == [
+        "4.0 %", "3.9 %", "10 %", "99.5 %", "99.8 %", "99.99 %", "100 %", "100 %"
+    ]  # fmt: skip
+    assert [signed_percent(s) for s in (0.04, -0.039, -1e-9)] == ["+4.0 %", "-3.9 %", "+0.0 %"]
     assert [duration(s) for s in (44.4, 220, 36000)] == ["44.4 s", "3.67 min", "10.0 h"]
+
+
+@given(st.floats(0, 1))
+def test_a_percentage_is_the_share_and_all_only_where_all_is_meant(share):
+    text = percent(share)
+    assert abs(float(text.removesuffix(" %")) / 100 - share) <= max(0.05 * share, 1e-8)
+    assert (text == "100 %") == (share > 1 - 6e-5)
 
 
 def test_the_command_of_the_footer_holds_no_credentials():

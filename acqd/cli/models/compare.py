@@ -15,6 +15,7 @@ from acqd.cli.progress import progress
 from acqd.cli.terminal import terminal
 from acqd.dataset.places import default_models
 from acqd.extras import require
+from acqd.report.digits import percent
 
 
 def compare(
@@ -50,8 +51,8 @@ def compare(
     for entry in sorted(comparison.entries, key=lambda e: e.metrics["everything"].mae) + comparison.baselines:
         m = entry.metrics["everything"]
         low, high = entry.mae_ci95
-        cells = (f"{m.mae:.2f}", f"{low:.2f} to {high:.2f}", f"{m.rmse:.2f}", f"{100 * m.energy_p95:.2f} %")
-        table.add_row(entry.name, entry.trained_on, str(entry.seeds), *cells, f"{100 * entry.unstable:.2f} %")
+        cells = (f"{m.mae:.2f}", f"{low:.2f} to {high:.2f}", f"{m.rmse:.2f}", percent(m.energy_p95))
+        table.add_row(entry.name, entry.trained_on, str(entry.seeds), *cells, percent(entry.unstable))
     out_console = terminal()
     out_console.width = max(out_console.width, 100)
     out_console.print(table)

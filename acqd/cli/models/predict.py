@@ -12,7 +12,7 @@ import typer
 from acqd.cli.options import Json
 from acqd.cli.terminal import terminal
 from acqd.extras import require
-from acqd.report.digits import quantity
+from acqd.report.digits import percent, quantity
 
 
 def predict(
@@ -41,7 +41,7 @@ def predict(
     share = float(prediction.outside.mean())
     if share > 0:
         terminal(stderr=True).print(
-            f"acqd: {log}: {100 * share:.1f} % of the rows are outside the range of motion of the training data"
+            f"acqd: {log}: {percent(share)} of the rows are outside the range of motion of the training data"
         )
     known = np.isfinite(prediction.P)
     summary = {

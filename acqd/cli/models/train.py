@@ -17,6 +17,7 @@ from acqd.cli.terminal import terminal
 from acqd.dataset.places import default_models
 from acqd.errors import UserError
 from acqd.extras import require
+from acqd.report.digits import percent
 
 
 class Engine(StrEnum):
@@ -173,7 +174,7 @@ def _print_table(results: list[tuple[Any, dict[str, Any]]]) -> None:
             str(config.out),
             *cells,
             f"{m['test']['rmse']:.2f}",
-            f"{100 * m['test']['energy_p95']:.2f} %",
+            percent(m["test"]["energy_p95"]),
             f"{metadata['training']['seconds']:.0f}",
         )
     wide = terminal()

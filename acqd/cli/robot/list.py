@@ -9,6 +9,7 @@ import orjson
 from acqd.cli.folded_table import Table
 from acqd.cli.options import Json
 from acqd.cli.terminal import terminal
+from acqd.report.digits import percent
 from acqd.robot.description import RobotDescription, load_description, shipped_descriptions
 
 
@@ -25,7 +26,7 @@ def show_list(json: Json = False) -> None:
         return
     table = Table("name", "robot", "axes", "moving kg", "masses within", "drives", "guessed")
     for row in rows:
-        mass, within = f"{row['moving_mass_kg']:.1f}", f"{100 * row['mass_deviation']:.0f} %"
+        mass, within = f"{row['moving_mass_kg']:.1f}", percent(row["mass_deviation"])
         guessed = ", ".join(row["guessed"])
         table.add_row(row["name"], row["title"], str(row["axes"]), mass, within, row["drives"], guessed)
     terminal(soft_wrap=False, tables=True).print(table)

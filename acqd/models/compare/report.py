@@ -13,7 +13,7 @@ from acqd.models.compare.kernels import likeness
 from acqd.models.networks.predictor import NetworkPredictor
 from acqd.report import KeyFigure, Page, Verdict
 from acqd.report.bars import Bar, Bars, ranked
-from acqd.report.digits import FEWEST_FOR_INTERVAL, confidence_interval, counted, interval, number, with_error
+from acqd.report.digits import FEWEST_FOR_INTERVAL, confidence_interval, counted, interval, number, percent, with_error
 from acqd.report.lines import Chart, Line, Panel
 from acqd.report.verdict import Tone
 
@@ -74,7 +74,7 @@ def _verdict(comparison: Comparison) -> Verdict:
         KeyFigure("mean absolute error", f"{number(m.mae)} W", confidence_interval(best.mae_ci95, m.recordings)),
         KeyFigure(
             "energy of a recording",
-            f"± {number(100 * m.energy_p95, 2)} %",
+            f"± {percent(m.energy_p95)}",
             f"for 95 % of {counted(m.recordings, 'recording')}",
         ),
         KeyFigure("noise of the measurement", f"{number(comparison.floor_W, 2)} W", f"MAE, {comparison.floor_where}"),
@@ -238,7 +238,7 @@ def _kernels(page: Page, comparison: Comparison, entries: list[Entry]) -> None:
         rows: list[list[object]] = []
         for k, weight in enumerate(weights):
             like = likeness(weight)
-            shares = [f"{100 * share:.0f} %" for share in (like.smoothing, like.first, like.second, like.rest)]
+            shares = [percent(share) for share in (like.smoothing, like.first, like.second, like.rest)]
             rows.append([f"w{k + 1}", like.name, *shares])
         page.table(["kernel", "computes mostly", "constant", "DoG", "LoG", "rest"], rows)
         page.text("Shares of the squared norm of each kernel along the constant kernel, DoG and LoG.")
