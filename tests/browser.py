@@ -8,6 +8,28 @@ from contextlib import contextmanager
 
 import pytest
 
+PHONE = 390
+"""Pixels."""
+_WIDE = r"""(phone) => {
+  const found = [];
+  if (document.scrollingElement.scrollWidth > innerWidth) found.push("the page is too wide");
+  if (document.getElementById("page") && innerWidth <= phone)  // a report
+    for (const box of document.querySelectorAll(".scroll:has(table)"))
+      if (box.scrollWidth > box.clientWidth + 1) found.push(`too wide: ${box.ariaLabel}`);
+  const texts = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT), range = document.createRange();
+  while (texts.nextNode()) {
+    const node = texts.currentNode;
+    if (["SCRIPT", "STYLE", "CODE"].includes(node.parentElement.tagName)) continue;
+    for (const match of node.data.matchAll(/\d{4}-\d\d-\d\d|\d[ \u00a0](?:[kM]?Wh?|[mk]?[VA]|Hz|%|EUR|min|m?s|kg)(?!\w)/g)) {
+      range.setStart(node, match.index);
+      range.setEnd(node, match.index + match[0].length);
+      if (new Set([...range.getClientRects()].map(box => Math.round(box.bottom / 4))).size > 1)
+        found.push(`divided by a line end: ${match[0]} in ${node.data.trim().slice(0, 60)}`);
+    }
+  }
+  return found;
+}"""
+"""What a phone would have to scroll sideways for, and dates and numbers with units that a line end divides."""
 _PROGRAMS = ("chromium", "chromium-browser", "google-chrome")
 
 
@@ -33,7 +55,7 @@ def chromium() -> Iterator[object]:
 
 
 def serious_findings(page) -> list[str]:
-    """What axe-core calls serious or critical, and whatever is wider than the window.
+    """What axe-core calls serious or critical, what is wider than the window, and moments that a line end divides.
 
     Another look at a page that the light one has shown changes colours or the layout: only that is judged again.
     """
@@ -41,13 +63,13 @@ def serious_findings(page) -> list[str]:
     rules = getattr(page, "rules", None)
     options = {"resultTypes": ["violations"]} | ({"runOnly": {"type": "rule", "values": rules}} if rules else {})
     found = [] if rules == [] else axe.Axe().run(page, options=options).response["violations"]
-    wide = page.evaluate("document.documentElement.scrollWidth > innerWidth")
-    return [each["id"] for each in found if each["impact"] in ("serious", "critical")] + ["too wide"] * wide
+    wide = page.evaluate(_WIDE, PHONE)
+    return [each["id"] for each in found if each["impact"] in ("serious", "critical")] + wide
 
 
 def looks(browser) -> Iterator[object]:
     """New pages: light, dark, and as wide as a phone; errors of the console are in `page.errors`."""
-    for width, scheme, rules in ((1200, "light", None), (1200, "dark", ["color-contrast"]), (390, "light", [])):
+    for width, scheme, rules in ((1200, "light", None), (1200, "dark", ["color-contrast"]), (PHONE, "light", [])):
         page = browser.new_page(viewport={"width": width, "height": 900}, color_scheme=scheme)
         page.errors, page.rules = [], rules
         page.on("console", lambda message, page=page: message.type == "error" and page.errors.append(message.text))

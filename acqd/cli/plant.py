@@ -50,6 +50,7 @@ def page_command(
     from acqd.plant.device_row import SEVERITIES
     from acqd.plant.page import plant_page
     from acqd.plant.plant import read_plant
+    from acqd.report.chain import REPORT, connect
     from acqd.report.digits import counted
     from acqd.storage.database import read_database
 
@@ -62,6 +63,7 @@ def page_command(
         engine = read_database(database or settings.sink.database)
         plant = read_plant(engine, rules_of(settings.energy), time.time(), heard, told, show)
     plant_page(plant, out).write(out)
+    connect(out, [fleet / REPORT] if fleet else [])
     if json:
         devices = [row.as_json() for row in plant.rows]
         about = {"devices": devices, "other_alarms": plant.loose, "trouble": plant.trouble or None}
@@ -92,6 +94,7 @@ def month_command(
     from acqd.energy.rules import rules_of
     from acqd.extras import require
     from acqd.plant.month import month_name, month_page, month_range, read_month
+    from acqd.report.chain import REPORT, connect
     from acqd.report.digits import counted
     from acqd.storage.database import read_database
 
@@ -106,6 +109,7 @@ def month_command(
         engine = read_database(database or settings.sink.database)
         found = read_month(engine, rules, chosen, earlier, told, show)
     month_page(found, path).write(path)
+    connect(path, [fleet / REPORT] if fleet else [])
     total = found.total
     if json:
         about = {

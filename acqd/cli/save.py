@@ -59,6 +59,7 @@ def save(
     """
     require("acqd save", (*LOOP, *MOTION), "loop,motion")
     from acqd.dataset.places import default_folder
+    from acqd.report.chain import REPORT, connect
     from acqd.saving.proposals import savings
     from acqd.saving.source import Asked, opened
     from acqd.saving.tables import as_json
@@ -74,6 +75,7 @@ def save(
         found = savings(opened(model, work, asked), asked, show_step)
         show_step("drawing", 0.95)
         write_all(folder, found)
+    connect(folder / "save.html", [model.parent / REPORT])
     if json:
         print(orjson.dumps(as_json(found) | {"out": str(folder)}).decode())
         return

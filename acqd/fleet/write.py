@@ -41,8 +41,9 @@ def write_report(out: Path, fleet: Fleet, report: FleetReport) -> None:
     text = orjson.dumps(report.as_json(), option=orjson.OPT_INDENT_2 | orjson.OPT_SERIALIZE_NUMPY)
     write_complete(out / REPORT, page_of(fleet, report, out).html().encode())
     for row in report.robots:
-        if row["report"]:
-            continued_in(Path(row["report"]), out / REPORT)
+        for page in [row["report"], row["dataset"] and str(Path(row["dataset"]) / REPORT)]:
+            if page:
+                continued_in(Path(page), out / REPORT)
     write_complete(out / "report.json", text)
     for name, prior in priors_of(fleet).items():
         prior.write(out / "priors" / f"{name}.json")

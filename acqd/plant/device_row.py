@@ -68,7 +68,7 @@ def device_row(
         "alarm" if open_alarms else "no rows" if silent and (earlier or state != "online")
         else "acknowledged" if alarms else "changed" if changed else "unknown" if heard is None else "fine"
     )  # fmt: skip
-    named = [str(each.get("text", "")) for each in alarms]
+    named = [str(each.get("text", "")).removeprefix(f"{device}: ") for each in alarms]
     if found is not None and (changed or found["error"]):
         named.append(words.what(dict(found)))
     return DeviceRow(

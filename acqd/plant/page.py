@@ -101,4 +101,4 @@ def _or_dash(value: float | None, *, cents: bool = False) -> str:
 def _link(row: DeviceRow, out: Path) -> str | Link:
     if row.report is None or not Path(row.report).exists():
         return ""
-    return Link("closing report", quote(os.path.relpath(Path(row.report).resolve(), out.resolve().parent)))
+    return Link("report", quote(os.path.relpath(Path(row.report).resolve(), out.resolve().parent)))

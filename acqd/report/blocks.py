@@ -13,6 +13,10 @@ from acqd.report.lines import Chart
 
 _SHORT = 18
 """Characters of a cell that need no line break."""
+_PHONE, _TEXT = 38, 105
+"""Characters of a row of a table beside each other on a phone of 390 px, and in the width of the text."""
+_GAP = 3
+"""Between two columns, in characters."""
 _NARROW = 24
 """Characters that the least width of a column of sentences (`.words`, 12rem) holds in one line."""
 
@@ -73,6 +77,21 @@ class Table:
     """Of the style sheet, per column: words (sentences), text (to the left), short (no line breaks)."""
     sortable: bool = False
     """The script adds buttons that sort by a column, and a field that filters rows."""
+
+    @property
+    def stacked(self) -> bool:
+        """Whether a phone shows the cells of a row one below the other, each with the name of its column."""
+        return self._least_width(_NARROW // 2) > _PHONE
+
+    @property
+    def wide(self) -> bool:
+        """Whether the table needs more room than lines of text."""
+        return self._least_width(_NARROW) > _TEXT
+
+    def _least_width(self, words: int) -> int:
+        """Characters of a row whose lines break as often as they may; `words`: of a column of sentences."""
+        columns = zip(*([self.header, *self.rows]), strict=True)
+        return sum(_least_width(column, kind, words) for column, kind in zip(columns, self.classes, strict=True))
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,7 +157,21 @@ def table_of(label: str, header: Sequence[str], rows: Sequence[Sequence[object]]
     texts = [[_cell(cell) for cell in row] for row in rows]
     plain = [[cell.text if isinstance(cell, (Link, Spark)) else cell for cell in row] for row in rows]
     columns = [[row[column] for row in plain] for column in range(len(header))]
-    return Table(label, list(header), texts, ["", *map(_classes, columns[1:])], sortable)
+    return Table(label, list(header), texts, [_of_names(columns[0]), *map(_classes, columns[1:])], sortable)
+
+
+def _least_width(column: Sequence[Cell], kind: str, words: int) -> int:
+    """Characters that a column with these classes takes at least, with the gap to the next one."""
+    header, *cells = [cell if isinstance(cell, str) else cell.text for cell in column]
+    pieces = cells if "short" in kind else [word for cell in cells for word in cell.split()]
+    course = 8 if any(isinstance(cell, Spark) for cell in column) else 0
+    longest = max(map(len, [*header.split(), *pieces]), default=0)
+    return max(longest + course, words if "words" in kind else 0) + _GAP
+
+
+def _of_names(column: Sequence[object]) -> str:
+    """Class of the first column: names such as hall-3-press-01 stay in one line."""
+    return "short" if all(" " not in str(cell) and len(str(cell)) <= _SHORT for cell in column) else ""
 
 
 def _classes(column: Sequence[object]) -> str:

@@ -31,7 +31,11 @@ _EARLIER = {
     "closing report": ("dataset", "models", "closing report"),
     "next": ("closing report",),
     "energy": ("dataset", "models", "closing report"),
-    "fleet": ("closing report",),
+    "saving": ("models", "closing report"),
+    "ability": ("models", "closing report"),
+    "fleet": ("dataset", "closing report"),
+    "plant": ("fleet",),
+    "month": ("fleet",),
     "trial": ("campaign", "dataset", "closing report", "next"),
 }
 """Kinds of pages that a page is made from; what else lies in the same folder has nothing to do with it."""

@@ -92,7 +92,7 @@ def duration(seconds: float) -> str:
 
 
 def percent(share: float) -> str:
-    """A share as a percentage of two significant digits: 4.0 %, 3.9 %, 12 %; what is nearly all is 99.8 %, not 100 %."""
+    """A share as a percentage of two significant digits: 4.0 %, 3.9 %, 12 %; nearly all is 99.8 %, not 100 %."""
     if not math.isfinite(share):
         return "-"
     value = 100 * share

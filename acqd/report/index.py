@@ -20,7 +20,9 @@ KIND = "index"
 _SUFFIXES = (".html", ".htm")
 _ORDER: tuple[Tone, ...] = ("bad", "found", "open", "fine")
 """What asks for somebody comes first."""
-_STATES = {"bad": "wrong", "found": "cause found", "open": "question open", "fine": "all well"}
+CLOSING = "closing report"
+_STATES = {"found": "cause found", "open": "question open", "fine": "no cause to find"}
+"""Of closing reports: another page may have found the best model."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,11 +117,18 @@ def said(head: Head) -> str:
 
 
 def _verdict(found: Pages) -> Verdict:
-    tones = [each.head.verdict.tone for each in found.pages]
-    figures = [KeyFigure(_STATES[tone], str(tones.count(tone))) for tone in _ORDER if tone in tones]
+    closing = [each.head.verdict.tone for each in found.pages if each.head.kind == CLOSING]
+    wrong = sum(each.head.verdict.tone == "bad" for each in found.pages)
+    figures = [KeyFigure("wrong", str(wrong), f"of {counted(len(found.pages), 'page')}")] if wrong else []
+    figures += [
+        KeyFigure(words, str(closing.count(tone)), f"of {counted(len(closing), CLOSING)}")
+        for tone, words in _STATES.items() if tone in closing
+    ]  # fmt: skip
     if found.others:
         figures.append(KeyFigure("not listed", str(len(found.others)), "see below"))
-    return Verdict(min(tones, key=_ORDER.index), counted(len(found.pages), "report"), "", figures)
+    bad: list[Tone] = ["bad"] if wrong else []
+    tones: list[Tone] = [*closing, *bad, "fine"]
+    return Verdict(min(tones, key=_ORDER.index), counted(len(found.pages), "page"), "", figures)
 
 
 def _address(path: Path, out: Path) -> str:

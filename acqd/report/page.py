@@ -13,7 +13,7 @@ from acqd.atomic import replace_file
 from acqd.errors import UserError
 from acqd.report.arm_view import ArmView, asset, scripts
 from acqd.report.bars import Bars
-from acqd.report.blocks import Block, Chapter, Folded, Lines, Picture, Ranking, Section, Text, table_of
+from acqd.report.blocks import Block, Chapter, Folded, Lines, Picture, Ranking, Section, Table, Text, table_of
 from acqd.report.chain import EMPTY
 from acqd.report.digits import unbroken
 from acqd.report.drawing import inline_svg
@@ -24,6 +24,11 @@ from acqd.report.verdict import Verdict
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+_WHOLE = re.compile(
+    r"\b\d{4}-\d\d(?:-\d\d)?(?:[ T]\d\d:\d\d(?::\d\d(?:\.\d+)?)?Z?)?(?![\w-])|(?<![\w-])--?[a-z][a-z-]*(?![\w-])"
+)
+"""A month, a day, or a time of a day; an option of a command: browsers break lines at hyphens."""
 
 
 class Page:
@@ -123,9 +128,16 @@ class Page:
         inner = re.sub(r'\b(id="|href="#|url\(#|aria-labelledby=")', rf"\g<1>{mark}", inner)
         self._blocks.append(Chapter(title, re.sub(r"(</?)h[12]\b", r"\1h3", inner)))
 
+    def _all_blocks(self) -> Iterator[Block]:
+        """Blocks of the page, those behind titles too."""
+        waiting = [*self._opening, *(block for section in self._sections for block in section.blocks)]
+        while waiting:
+            block = waiting.pop()
+            waiting += block.blocks if isinstance(block, Folded) else []
+            yield block
+
     def _arm_scripts(self) -> dict[str, str]:
-        blocks = [*self._opening, *(block for section in self._sections for block in section.blocks)]
-        return scripts() if any(isinstance(block, ArmView) for block in blocks) else {}
+        return scripts() if any(isinstance(block, ArmView) for block in self._all_blocks()) else {}
 
     def write(self, path: Path) -> None:
         """Write the page, in the place of an earlier one of its kind at most. Raises UserError."""
@@ -146,23 +158,35 @@ class Page:
             _template().render(
                 title=self._title, simulated=self._simulated, verdict=self._verdict, opening=self._opening,
                 sections=[section for section in self._sections if section.blocks], head=head.as_script(), pages=EMPTY,
+                wide=any(isinstance(each, Table) and each.wide for each in self._all_blocks()),
                 footnotes=self._footnotes,
                 provenance=origin, style=asset("style.css"), script=asset("script.js"), arm=self._arm_scripts(),
             )
         )  # fmt: skip
 
 
-def _with_unbroken_units(value: object) -> object:
-    """What the template prints; markup (charts, scripts) as it is."""
-    return unbroken(value) if type(value) is str else value
+def _printed(value: object) -> object:
+    """What the template prints: no line ends inside a number with its unit, or a moment; markup as it is."""
+    if type(value) is not str:
+        return value
+    from markupsafe import Markup, escape
+
+    whole = _WHOLE.sub(r'<span class="whole">\g<0></span>', str(escape(unbroken(value))))
+    return Markup(whole)  # noqa: S704  # escaped
+
+
+def _plain(value: object) -> object:
+    """Of an attribute, which holds no markup."""
+    from markupsafe import escape
+
+    return escape(unbroken(str(value)))
 
 
 @cache
 def _template() -> Any:
     from jinja2 import Environment, StrictUndefined
 
-    environment = Environment(
-        autoescape=True, undefined=StrictUndefined, keep_trailing_newline=True, finalize=_with_unbroken_units
-    )
+    environment = Environment(autoescape=True, undefined=StrictUndefined, keep_trailing_newline=True, finalize=_printed)
     environment.filters["unbroken"] = unbroken
+    environment.filters["plain"] = _plain
     return environment.from_string(asset("page.html"))

@@ -24,7 +24,12 @@ _LEAST_J = 0.05
 def write_page(path: Path, found: Savings) -> None:
     """Write the page. Raises UserError."""
     subject = found.subject
-    page = Page(f"Less energy: {subject.path.name}, {subject.arm.description.title}", simulated=subject.simulated)
+    page = Page(
+        f"Less energy: {subject.path.name}, {subject.arm.description.title}",
+        simulated=subject.simulated,
+        kind="saving",
+        subject=subject.arm.description.name,
+    )
     page.verdict(_verdict(found))
     page.lines(_pareto(found), "Energy of a cycle against its duration, as the model predicts it.")
     for title, block in (("Equal cycle time", found.equal), (_other_title(found), found.other)):

@@ -2,6 +2,7 @@
 
 import json
 import re
+from itertools import pairwise
 
 import pytest
 
@@ -9,7 +10,7 @@ from acqd.errors import InputError, UserError
 from acqd.report import KeyFigure, Page, Verdict
 from acqd.report.chain import connect, later_than
 from acqd.report.head import read_head
-from acqd.report.index import pages_beneath
+from acqd.report.index import index_page, pages_beneath
 from tests.commands import acqd_here, refused
 
 
@@ -98,6 +99,34 @@ def test_reports_lists_every_page_and_names_what_it_cannot_read(three, tmp_path)
     again = acqd_here("reports", tmp_path)
     assert again.returncode == 0 and "not listed" in again.stdout and "reports.html" in again.stdout
     assert json.loads(acqd_here("reports", tmp_path, "--json").stdout)["reports"].__len__() == 5  # not the list itself
+
+
+def test_the_list_counts_causes_of_closing_reports_alone(tmp_path):
+    """The page of `acqd compare` has found the best model, that of a trial what its closing report has found."""
+    for kind, tone in (
+        ("closing report", "found"),
+        ("closing report", "open"),
+        ("models", "found"),
+        ("trial", "found"),
+    ):
+        write(tmp_path / f"{kind} {tone}" / "report.html", kind, verdict=Verdict(tone, ""))
+    verdict = index_page(pages_beneath(tmp_path), tmp_path / "reports.html").html()
+    told = json.loads(re.search(r'id="page">(.*?)</script>', verdict).group(1))["verdict"]
+    figures = {each["label"]: (each["value"], each["note"]) for each in told["figures"]}
+    assert figures == {"cause found": ("1", "of 2 closing reports"), "question open": ("1", "of 2 closing reports")}
+    assert (told["tone"], told["headline"]) == ("found", "4 pages")
+
+
+def test_pages_of_fleet_plant_and_saving_are_linked_to_what_they_are_made_from(tmp_path):
+    order = ("dataset", "models", "closing report", "fleet", "plant")
+    pages = [write(tmp_path / kind / "report.html", kind) for kind in order]
+    for earlier, later in pairwise(pages):
+        connect(later, [earlier])
+        assert later in later_than(earlier)
+    for kind, earlier in (("month", "fleet"), ("saving", "models"), ("ability", "closing report")):
+        page = write(tmp_path / f"{kind}.html", kind)
+        connect(page, [pages[order.index(earlier)]])
+        assert page in later_than(pages[order.index(earlier)])
 
 
 def test_reports_replaces_no_file_that_is_not_a_list(three, tmp_path):

@@ -50,8 +50,10 @@ def ability(
         planned = beforehand(model, motion, minutes, shown)
     if html is not None:
         from acqd.discrepancy.report.beforehand_page import write_page
+        from acqd.report.chain import REPORT, connect
 
         write_page(html, planned)
+        connect(html, [model.parent / REPORT])
     if json:
         said = planned.as_json() | ({"page": str(html)} if html else {})
         print(orjson.dumps(said, option=orjson.OPT_SERIALIZE_NUMPY).decode())
