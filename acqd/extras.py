@@ -18,9 +18,14 @@ MOTION = ("pinocchio",)
 
 def require(what: str, modules: Sequence[str], extra: str) -> None:
     """Raises UserError unless all `modules` are installed; `what` needs them, the extra `extra` of acqd has them."""
-    missing = [name for name in modules if find_spec(name) is None]
+    missing = [name for name in modules if not present([name])]
     if missing:
         raise UserError(f"{what} needs {' and '.join(missing)}: {install_command(extra)}")
+
+
+def present(modules: Sequence[str]) -> bool:
+    """Whether all of them are installed."""
+    return all(find_spec(name) is not None for name in modules)
 
 
 def install_command(extra: str) -> str:

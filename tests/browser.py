@@ -20,7 +20,9 @@ _WIDE = r"""(phone) => {
   while (texts.nextNode()) {
     const node = texts.currentNode;
     if (["SCRIPT", "STYLE", "CODE"].includes(node.parentElement.tagName)) continue;
-    for (const match of node.data.matchAll(/\d{4}-\d\d-\d\d|\d[ \u00a0](?:[kM]?Wh?|[mk]?[VA]|Hz|%|EUR|min|m?s|kg)(?!\w)/g)) {
+    const dates = document.getElementById("page") ? /\d{4}-\d\d-\d\d/g : /(?!)/g;
+    const sizes = /\d[ \u00a0](?:[kM]?Wh?|[mk]?[VA]|Hz|%|EUR|min|m?s|kg)(?!\w)/g;
+    for (const match of [...node.data.matchAll(dates), ...node.data.matchAll(sizes)]) {
       range.setStart(node, match.index);
       range.setEnd(node, match.index + match[0].length);
       if (new Set([...range.getClientRects()].map(box => Math.round(box.bottom / 4))).size > 1)

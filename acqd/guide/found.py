@@ -23,6 +23,8 @@ class Data:
 
     path: Path
     robot: str
+    description: str
+    """Of the robot, as --robot takes it: a shipped name, or the path of a file."""
     measured: str
     recordings: int
     seconds: float
@@ -42,6 +44,8 @@ class Model:
     """Folder of the dataset that the model was trained on, as `acqd train` was told."""
     repaired: bool
     """Whether the model is the result of a closing report."""
+    sliding: bool
+    """Whether an axis is prismatic: an FMU has revolute joints only."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +64,10 @@ class Loop:
     """The set of causes in words; "" where there is none."""
     open: bool
     """Whether the report leaves a question."""
+    designable: bool
+    """Whether `acqd next` can design a motion that decides; reports of earlier versions do not say."""
+    advice: str
+    """What the report itself says to do next; "" where it says nothing."""
     added: bool
     """Whether the repaired model differs from the model."""
     smallest: int
@@ -132,7 +140,8 @@ def _dataset(path: Path, manifest: dict[str, Any]) -> Data:
     recordings = manifest["recordings"]
     seconds = sum(float(each["valid_s"]) for each in recordings)
     return Data(
-        path, str(manifest["robot"]), str(manifest["measured"]), len(recordings), seconds,
+        path, str(manifest["robot"]), str(manifest.get("description", manifest["robot"])), str(manifest["measured"]),
+        len(recordings), seconds,
         int(manifest["power"]["first_ns"]), orjson.dumps([manifest["power"], recordings]),
     )  # fmt: skip
 
@@ -140,7 +149,12 @@ def _dataset(path: Path, manifest: dict[str, Any]) -> Data:
 def _model(path: Path, bundle: dict[str, Any]) -> Model:
     trained_on = bundle["provenance"].get("dataset", "")
     return Model(
-        path, str(bundle["name"]), str(bundle["robot"]), str(trained_on), (path.parent / "report.json").exists()
+        path,
+        str(bundle["name"]),
+        str(bundle["robot"]),
+        str(trained_on),
+        (path.parent / "report.json").exists(),
+        any(each["unit"] == "m" for each in bundle.get("inputs", [])),
     )
 
 
@@ -150,7 +164,8 @@ def _loop(path: Path, report: dict[str, Any]) -> Loop:
     return Loop(
         path, str(asked["dataset"]), tuple(map(str, asked["with"])), str(asked["model"]), str(report["verdict"]),
         tuple(f"{e['id']} ({e['where']})" for e in effects),
-        causes["text"] if causes else "", leaves_open(report),
+        causes["text"] if causes else "", leaves_open(report), bool(report.get("designable", True)),
+        str(next(iter(report.get("next", [])), "")),
         any(each["added"] for each in effects) or bool(report["correction"]), len(told),
     )  # fmt: skip
 

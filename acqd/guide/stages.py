@@ -9,6 +9,7 @@ from shlex import quote
 from typing import Any, Literal
 
 from acqd.discrepancy.thresholds import THRESHOLDS
+from acqd.extras import LOOP, MOTION, install_command, present
 from acqd.guide.found import Data, Found, Loop, Model
 
 State = Literal["done", "now", "later"]
@@ -67,7 +68,7 @@ def stages(found: Found) -> list[Stage]:
     """The seven stages in the order of the work; at most one is `now`."""
     work = _Work.of(found)
     steps = [
-        _robot(work), _data(work), _model(work), _told(work), _loop(work), _answer(found, work), _repaired(work)
+        _robot(work), _data(work), _model(work), _told(work), _loop(work), _answer(found, work), _repaired(found, work)
     ]  # fmt: skip
     first = next((k for k, each in enumerate(steps) if each.state == "now"), len(steps))
     return [
@@ -79,15 +80,16 @@ def stages(found: Found) -> list[Stage]:
 def _robot(work: _Work) -> Stage:
     if work.reference is None:
         says = "choose the description of your robot; one that is not shipped is made from a URDF"
-        return Stage("robot", "now", says, ("acqd robot list", "acqd robot check ROBOT", "acqd robot import --help"))
-    return Stage("robot", "done", work.reference.robot, (f"acqd robot check {quote(work.reference.robot)}",))
+        return Stage("robot", "now", says, ("acqd robot list", "acqd robot check ROBOT", "acqd robot from-urdf --help"))
+    check = f"acqd robot check {quote(work.reference.description)}"
+    return Stage("robot", "done", work.reference.robot, _installed(check, ("scipy",), "loop"))
 
 
 def _data(work: _Work) -> Stage:
     if work.reference is None:
         says = "record power and logs of the cell as it is, a dozen minutes, and align them"
         line = "acqd dataset build --power acqd.sqlite --logs logs --robot ROBOT --out ds0"
-        return Stage("data", "now", says, (line,))
+        return Stage("data", "now", says, _build(line))
     data = work.reference
     says = _amount(data)
     if data.recordings < THRESHOLDS.fewest_recordings or data.seconds < THRESHOLDS.enough_s:
@@ -101,12 +103,14 @@ def _model(work: _Work) -> Stage:
         return Stage("model", "done", f"{work.model.name}, trained on {work.model.dataset}", ())
     dataset = _path(work.reference.path) if work.reference else "ds0"
     line = f"acqd train {dataset} --network grey-box"
-    return Stage("model", "now", "train a model of the cell as it was", (line,))
+    lines = _installed(line, ("safetensors", "scipy"), "data,predict")
+    return Stage("model", "now", "train a model of the cell as it was", lines)
 
 
 def _told(work: _Work) -> Stage:
     bundle = _path(work.model.path) if work.model else "BUNDLE"
-    lines = (f"acqd robot ability {bundle}", f"acqd robot ability {bundle} --minutes 20")
+    ability = f"acqd robot ability {bundle}"
+    lines = (*_installed(ability, LOOP, "loop"), f"{ability} --minutes 20")
     if work.loop is not None:
         says = f"the smallest sizes of {work.loop.smallest} effects that these recordings tell are in the report"
         return Stage("can it be told?", "done", says, lines)
@@ -120,12 +124,12 @@ def _loop(work: _Work) -> Stage:
     bundle = _path(work.model.path) if work.model else "BUNDLE"
     if work.asked is None:
         says = "record the cell as it is now, in the same way, and close the loop on these recordings"
-        robot = quote(work.reference.robot) if work.reference else "ROBOT"
+        robot = quote(work.reference.description) if work.reference else "ROBOT"
         build = f"acqd dataset build --power acqd.sqlite --logs logs --robot {robot} --out ds1"
-        return Stage("loop", "now", says, (build, f"acqd close-loop ds1 --model {bundle}"))
+        return Stage("loop", "now", says, (*_build(build), *_close(f"acqd close-loop ds1 --model {bundle}")))
     line = f"acqd close-loop {_path(work.asked.path)} --model {bundle}"
     if work.loop is None:
-        return Stage("loop", "now", f"{work.asked.path.name} ({_amount(work.asked)}) has no report yet", (line,))
+        return Stage("loop", "now", f"{work.asked.path.name} ({_amount(work.asked)}) has no report yet", _close(line))
     verdict = work.loop.verdict.replace("_", " ")
     names = f": {', '.join(work.loop.names)}" if work.loop.names else ""
     waiting = ", ".join(str(each.path) for each in work.waiting)
@@ -142,27 +146,48 @@ def _answer(found: Found, work: _Work) -> Stage:
     says = work.loop.causes or "the report leaves a question"
     report = _path(work.loop.path)
     program = next((each for each in reversed(found.programs) if Path(each.report).name == work.loop.path.name), None)
-    if program is None:
-        return Stage(name, "now", f"{says}; let acqd design the motion that decides", (f"acqd next {report}",))
+    if program is None and work.loop.designable:
+        line = _installed(f"acqd next {report}", (*LOOP, *MOTION), "loop,motion")
+        return Stage(name, "now", f"{says}; let acqd design the motion that decides", line)
     taken = {each.path.name for each in found.datasets}
     name_of_next = next(f"ds{number}" for number in count(2) if f"ds{number}" not in taken)
     sessions = "".join(f" --with {_path(Path(each))}" for each in [*work.loop.further, name_of_next])
     again = f"acqd close-loop {_path(work.asked.path)} --model {_path(Path(work.loop.model))}{sessions}"
-    worked = f" --worked {program.worked_min:g}" if program.worked_min else ""
-    recorded = f"--power acqd.sqlite --logs logs --robot {quote(work.asked.robot)}{worked}"
+    worked = f" --worked {program.worked_min:g}" if program is not None and program.worked_min else ""
+    recorded = f"--power acqd.sqlite --logs logs --robot {quote(work.asked.description)}{worked}"
     build = f"acqd dataset build {recorded} --out {name_of_next}"
-    do = f"check and run the program of {program.minutes:.1f} min in {_path(program.path)}, and close the loop again"
-    return Stage(name, "now", f"{says}; {do}", (build, again))
+    if program is None:
+        do = work.loop.advice or "record another session with other motions"
+        do = f"{do}; record that session, and close the loop on both"
+    else:
+        do = (
+            f"check and run the program of {program.minutes:.1f} min in {_path(program.path)}, and close the loop again"
+        )
+    return Stage(name, "now", f"{says}; {do}", (*_build(build), *_close(again)))
 
 
-def _repaired(work: _Work) -> Stage:
+def _repaired(found: Found, work: _Work) -> Stage:
     if work.loop is None:
         return Stage("repaired model", "later", "follows from the report")
-    model = _path(work.loop.path / "model")
+    bundle = work.loop.path / "model"
+    model, sliding = _path(bundle), any(each.sliding for each in found.models if each.path == bundle)
     if not work.loop.added:
         return Stage("repaired model", "later", "nothing was added: the model stays as it is")
-    lines = (f"acqd predict {model} LOG", f"acqd export-fmu {model}")
+    lines = (f"acqd predict {model} LOG", *([] if sliding else [f"acqd export-fmu {model}"]))
     return Stage("repaired model", "done", f"{model} has what was found", lines)
+
+
+def _installed(line: str, modules: tuple[str, ...], extra: str) -> tuple[str, ...]:
+    """A line to type, behind the one that installs what it needs and this environment lacks."""
+    return (line,) if present(modules) else (install_command(extra), line)
+
+
+def _build(line: str) -> tuple[str, ...]:
+    return _installed(line, ("jinja2", "matplotlib", "scipy"), "data")
+
+
+def _close(line: str) -> tuple[str, ...]:
+    return _installed(line, LOOP, "loop")
 
 
 def _asked_by(loop: Loop, found: Found) -> Data | None:

@@ -54,12 +54,12 @@ def _verdict(plant: Plant) -> Verdict:
     known = [row.kWh for row in plant.rows if row.kWh is not None]
     lacking = len(plant.rows) - len(known)
     note = f"of {counted(len(known), 'device')}; {lacking} unknown" if lacking else "of all devices"
-    energy = f"{number(sum(known), 4)} kWh a day" if known else "-"
-    figures.append(KeyFigure("energy", energy, note if known else "no device has a complete day"))
+    energy = f"{number(sum(known), 4)} kWh" if known else "-"
+    figures.append(KeyFigure("energy a day", energy, note if known else "no device has a complete day"))
     costs = [row.EUR for row in plant.rows if row.EUR is not None]
     if costs:
         unknown = len(plant.rows) - len(costs)
-        figures.append(KeyFigure("cost", f"{number(sum(costs), 4)} EUR a day", f"{unknown} unknown" if unknown else ""))
+        figures.append(KeyFigure("cost a day", f"{number(sum(costs), 4)} EUR", f"{unknown} unknown" if unknown else ""))
     warnings = [plant.trouble] if plant.trouble else []
     if plant.heard is None:
         warnings.append("The broker was not asked: states and alarms are unknown.")

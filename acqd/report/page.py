@@ -13,7 +13,7 @@ from acqd.atomic import replace_file
 from acqd.errors import UserError
 from acqd.report.arm_view import ArmView, asset, scripts
 from acqd.report.bars import Bars
-from acqd.report.blocks import Block, Chapter, Folded, Lines, Picture, Ranking, Section, Table, Text, table_of
+from acqd.report.blocks import Block, Chapter, Folded, Lines, Picture, Ranking, Section, Text, table_of
 from acqd.report.chain import EMPTY
 from acqd.report.digits import unbroken
 from acqd.report.drawing import inline_svg
@@ -128,16 +128,9 @@ class Page:
         inner = re.sub(r'\b(id="|href="#|url\(#|aria-labelledby=")', rf"\g<1>{mark}", inner)
         self._blocks.append(Chapter(title, re.sub(r"(</?)h[12]\b", r"\1h3", inner)))
 
-    def _all_blocks(self) -> Iterator[Block]:
-        """Blocks of the page, those behind titles too."""
-        waiting = [*self._opening, *(block for section in self._sections for block in section.blocks)]
-        while waiting:
-            block = waiting.pop()
-            waiting += block.blocks if isinstance(block, Folded) else []
-            yield block
-
     def _arm_scripts(self) -> dict[str, str]:
-        return scripts() if any(isinstance(block, ArmView) for block in self._all_blocks()) else {}
+        blocks = [*self._opening, *(block for section in self._sections for block in section.blocks)]
+        return scripts() if any(isinstance(block, ArmView) for block in blocks) else {}
 
     def write(self, path: Path) -> None:
         """Write the page, in the place of an earlier one of its kind at most. Raises UserError."""
@@ -158,7 +151,6 @@ class Page:
             _template().render(
                 title=self._title, simulated=self._simulated, verdict=self._verdict, opening=self._opening,
                 sections=[section for section in self._sections if section.blocks], head=head.as_script(), pages=EMPTY,
-                wide=any(isinstance(each, Table) and each.wide for each in self._all_blocks()),
                 footnotes=self._footnotes,
                 provenance=origin, style=asset("style.css"), script=asset("script.js"), arm=self._arm_scripts(),
             )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
 from pathlib import Path
 
@@ -80,6 +81,40 @@ def test_what_a_report_leaves_open_is_the_next_stage(tmp_path):
     assert now(tmp_path).name == "answer, or the next motion" and way(tmp_path)["repaired model"] == "later"
     report(tmp_path, 0.0, verdict="nothing_left")
     assert "now" not in way(tmp_path).values()
+
+
+def test_where_no_motion_can_be_designed_the_report_says_what_to_do(tmp_path):
+    """Without capsules `acqd next` refuses, and so it does for equipment that no motion of the arm switches."""
+    dataset(tmp_path, "ds0", 100), model(tmp_path, "ds0.models/a"), dataset(tmp_path, "ds1", 200)
+    report(tmp_path, 0.51)
+    file = tmp_path / "ds1.loop" / "report.json"
+    told = json.loads(file.read_text())
+    write(file, told | {"designable": False, "next": ["to distinguish a from b: weigh the gripper"]})
+    step = now(tmp_path)
+    assert "weigh the gripper; record that session" in step.says
+    build, again = step.commands
+    assert build.endswith("--robot ur10e --out ds2") and again.endswith("ds1 --model ds0.models/a --with ds2")
+
+
+def test_what_is_not_installed_comes_first(tmp_path, monkeypatch):
+    dataset(tmp_path, "ds0", 100), model(tmp_path, "ds0.models/a"), dataset(tmp_path, "ds1", 200)
+    report(tmp_path, 0.51)
+    known = importlib.util.find_spec
+    monkeypatch.setattr("acqd.extras.find_spec", lambda name: None if name == "pinocchio" else known(name))
+    install, following = now(tmp_path).commands
+    assert "install 'acqd[loop,motion]'" in install and following == f"acqd next {tmp_path}/ds1.loop"
+
+
+def test_a_description_of_the_users_own_and_a_prismatic_axis_have_lines_that_run(tmp_path):
+    dataset(tmp_path, "ds0", 100), model(tmp_path, "ds0.models/a"), dataset(tmp_path, "ds1", 200)
+    report(tmp_path, 0.97)
+    for name in ("ds0", "ds1"):
+        manifest = json.loads((tmp_path / name / "manifest.json").read_text())
+        write(tmp_path / name / "manifest.json", manifest | {"description": "my robots/mill.toml"})
+    bundle = tmp_path / "ds1.loop" / "model" / "bundle.json"
+    write(bundle, json.loads(bundle.read_text()) | {"inputs": [{"name": "q1", "unit": "m"}]})
+    lines = [line for step in stages(found_in(tmp_path)) for line in step.commands]
+    assert "acqd robot check 'my robots/mill.toml'" in lines and not any("export-fmu" in line for line in lines)
 
 
 def test_short_recordings_are_no_reference(tmp_path):

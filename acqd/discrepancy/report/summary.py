@@ -59,6 +59,7 @@ def as_json(config: CloseConfig, closed: Closed) -> dict[str, Any]:
         "steps": [[each.as_json() for each in table] for table in closed.selection.tables],
         "ability": closed.ability.as_json(),
         "next": next_steps(closed),
+        "designable": _designable(closed),
         "notes": closed.notes,
         "warnings": closed.warnings,
         "model": {"name": subject.bundle.metadata["name"], "bundle": str(config.bundle)},
@@ -155,10 +156,16 @@ def next_steps(closed: Closed) -> list[str]:
         reason = f"{seconds:.0f} s are too few to distinguish an effect from noise: " if few else ""
         steps.append(f"{reason}record a dozen more recordings of a minute each, with other motions")
     open_question = closed.verdict == "not_identifiable" or any(map(_motion_helps, closed.named))
-    plannable = any(joint.capsules for joint in closed.subject.robot.joint)  # without them collisions are not excluded
-    if closed.subject.reference and open_question and plannable:
+    if open_question and _designable(closed):
         steps.append("or let acqd next, with the folder of this report, design the motion that decides")
     return steps
+
+
+def _designable(closed: Closed) -> bool:
+    """Whether acqd next can design a motion that helps: collisions can be excluded, and there is a reference."""
+    plannable = any(joint.capsules for joint in closed.subject.robot.joint)
+    doubted = closed.verdict != "effects_found" or any(map(_motion_helps, closed.named))
+    return plannable and bool(closed.subject.reference) and doubted
 
 
 def _motion_helps(each: Reported) -> bool:

@@ -27,7 +27,7 @@
   function comparisons({ against_last_week: against, last_week: last, standby_share: share, price, feed_in: feedIn, trouble }) {
     put($("against"), Number.isFinite(against?.change) ? `${against.change < 0 ? "-" : "+"}${(100 * Math.abs(against.change)).toFixed(1)}` : "-");
     put($("against-of"), !against ? "no rows of last week until this hour" : against.quantity === "kWh" ? `${kWh(last.kWh).join(" ")} until this hour` : "mean power: rows lack");
-    put($("standby"), Number.isFinite(share) ? percent(share) : "-");
+    put($("standby"), Number.isFinite(share) ? (100 * share).toFixed(share < 0.0995 ? 1 : 0) : "-");
     put($("standby-of"), Number.isFinite(share) ? "of the energy" : "rest and work are not told apart");
     const P = (latest.total ?? latest.L1)?.P, euros = Number.isFinite(P) && Number.isFinite(price) ? P / 1000 * (P < 0 ? feedIn : price) : NaN;
     put($("cost-now"), Number.isFinite(euros) ? `${euros.toFixed(Math.abs(euros) < 0.1 ? 4 : 2)} EUR/h` : trouble ? "no price now" : "");

@@ -17,7 +17,7 @@
   function effects(result) {
     return (result.effects ?? []).map((effect) => {
       const values = Object.entries(effect.parameters).map(([name, p]) => `${name} ${number(p.value)} ${p.unit}${p.ci95 ? ` (${number(p.ci95[0])} to ${number(p.ci95[1])})` : ""}`);
-      return element("li", `${effect.id}, ${effect.where}: ${values.join(", ")}; confidence ${percent(effect.confidence)} %${effect.added ? "" : "; reported, not added to the model"}`);
+      return element("li", `${effect.id}, ${effect.where}: ${values.join(", ")}; confidence ${(100 * effect.confidence).toFixed(0)} %${effect.added ? "" : "; reported, not added to the model"}`);
     });
   }
 

@@ -15,7 +15,6 @@ const script = (name) => scripts[name] ??= new Promise((done, failed) => documen
 const style = (name) => document.head.append(Object.assign(document.createElement("link"), { rel: "stylesheet", href: `/assets/${name}` }));
 const text = (value, digits) => value === null || value === undefined ? "-" : value.toFixed(digits);
 // no line ends before a unit
-const percent = (share) => share && share < 0.0995 ? (100 * share).toPrecision(2) : (100 * share).toFixed(0);
 const unbroken = (text) => String(text ?? "").replace(/(\d) (?=(?:%|°C|EUR|min|h|[µmkMG]?(?:Wh?|VA?|A|J|Hz|B|m|s))(?!\w))/g, "$1\u00a0");
 const put = (node, value) => {
   const text = unbroken(value);
