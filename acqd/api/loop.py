@@ -16,6 +16,7 @@ from acqd.api.records import Effect, Parameter, Report, Verdict
 from acqd.dataset.places import default_folder
 from acqd.extras import LOOP, require
 from acqd.report.digits import percent
+from acqd.report.joint_names import all_with_joint_names
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,10 +47,11 @@ class LoopResult:
         before, after = (self.report[key]["rmse"] for key in ("before", "after"))
         simulated = ", simulated" if self.report["measured"] == "simulated" else ""
         caption = f"{self.verdict.replace('_', ' ')}: RMSE {before:.2f} W before, {after:.2f} W after{simulated}"
+        effects = all_with_joint_names(self.effects, self.report.get("joint_names", ()))
         rows = [
             (effect["id"], effect["where"], _in_words(effect["parameters"]), percent(effect["confidence"]),
              ", ".join(f"{rival['name']} {percent(rival['confidence'])}" for rival in effect["rivals"]) or "none")
-            for effect in self.effects
+            for effect in effects
         ]  # fmt: skip
         head = ("effect", "where", "size (95 % interval)", "confidence", "rivals")
         warnings = self.report["warnings"]

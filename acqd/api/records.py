@@ -77,6 +77,8 @@ class Report(TypedDict):
     unexplained: str
     next: list[str]
     """What to do, most useful first."""
+    joint_names: NotRequired[list[str]]
+    """The robot's names of joint 1, joint 2 ...; reports of earlier versions have none."""
     notes: list[str]
     warnings: list[str]
     """The notes that the verdict has to be read with."""

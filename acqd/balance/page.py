@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from acqd.balance.balance import Balance, Span
@@ -34,12 +36,14 @@ _SOURCES = {
 }
 
 
-def balance_page(title: str, balance: Balance, rows: Rows, years: dict[Cause, Yearly], measured: str) -> Page:
-    """The page, not yet written; `measured`: origin of the power."""
+def balance_page(
+    title: str, balance: Balance, rows: Rows, years: dict[Cause, Yearly], measured: str, joints: Sequence[str] = ()
+) -> Page:  # fmt: skip
+    """The page, not yet written; `measured`: origin of the power; `joints`: names."""
     total = balance.total
     page = Page(
         f"Energy by cause: {title}",
-        simulated=measured == "simulated", kind="energy", subject=title.partition(",")[0],
+        simulated=measured == "simulated", kind="energy", subject=title.partition(",")[0], joints=joints,
     )  # fmt: skip
     page.verdict(_verdict(total, years))
     page.text(

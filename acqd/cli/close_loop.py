@@ -17,6 +17,7 @@ from acqd.cli.terminal import terminal
 from acqd.errors import UserError
 from acqd.extras import LOOP, require
 from acqd.report.digits import percent, year_text
+from acqd.report.joint_names import all_with_joint_names, with_joint_names
 
 _TIMES = ["%Y-%m-%dT%H:%M:%S", "%Y-%m-%dT%H:%M:%SZ", "%Y-%m-%d %H:%M:%S", "%Y-%m-%d"]
 
@@ -113,15 +114,16 @@ def close_loop(
     result = as_json(config, closed)
     changes = changed_belief(default_folder(dataset, "loop"), result) if further else []
     for note in [*(note for note in closed.notes if json or note not in closed.warnings), *changes]:
-        console.print(f"acqd: {note}")
+        console.print(f"acqd: {with_joint_names(note, result['joint_names'])}")
+    joints = result["joint_names"]
     ways = {name: way_of(closed, name) for name in explain or ()}
     if json:
         more: dict[str, Any] = {"out": str(folder)} | ({"ways": ways} if ways else {})
         more |= {"changed_belief": changes} if changes else {}
         print(orjson.dumps(result | more, option=orjson.OPT_SERIALIZE_NUMPY).decode())
         return
-    _print(result, folder)
-    for name, lines in ways.items():
+    _print(all_with_joint_names(result, joints), folder)
+    for name, lines in all_with_joint_names(ways, joints).items():
         console.print(f"{name}:")
         for line in lines:
             console.print(f"  {line}")

@@ -14,6 +14,7 @@ from acqd.cli.options import Corners, Json, box_of
 from acqd.cli.progress import progress
 from acqd.cli.terminal import terminal
 from acqd.extras import LOOP, MOTION, require
+from acqd.report.joint_names import all_with_joint_names, with_joint_names
 
 
 def next_motion(
@@ -61,14 +62,14 @@ def next_motion(
     if json:
         print(orjson.dumps(as_json(designed) | {"out": str(folder)}).decode())
         return
-    screen = terminal(tables=True)
-    screen.print(headline(designed))
+    screen, joints = terminal(tables=True), designed.question.subject.robot.joint_names
+    screen.print(with_joint_names(headline(designed), joints))
     if not designed.answered:
-        header, rows = table(designed)
+        header, rows = all_with_joint_names(table(designed), joints)
         shown = Table(*header)
         for row in rows:
             shown.add_row(*row)
         screen.print(shown)
     for step in steps(designed):
-        screen.print(f"next: {step}")
+        screen.print(f"next: {with_joint_names(step, joints)}")
     screen.print(f"program and report: {folder}")

@@ -11,6 +11,7 @@ import orjson
 from acqd.cli.terminal import terminal
 from acqd.discrepancy.config import CloseConfig
 from acqd.discrepancy.watch import SHORTEST_S, Event, Watch
+from acqd.report.joint_names import all_with_joint_names
 
 
 def watch_loop(config: CloseConfig, every_s: float, between_s: float, *, json: bool) -> None:
@@ -58,6 +59,7 @@ def sentence(event: Event) -> str:
         return f"{details['reason']}; retrying"
     if "reason" in details:
         return f"no proposal yet from {details['recordings']} recordings: {details['reason']}"
+    details = all_with_joint_names(details, details.get("joint_names", ()))
     named = ", ".join(f"{effect['id']} ({effect['where']})" for effect in details["effects"])
     unnamed = f"without a name: {details['correction']['follows']}" if details["correction"] else ""
     if details["verdict"] != "effects_found":

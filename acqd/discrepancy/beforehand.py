@@ -48,6 +48,8 @@ class Beforehand:
 
     ability: Ability
     robot: str
+    joints: list[str]
+    """Names."""
     simulated: bool
     """Whether the power of the reference is simulated."""
     motion: str
@@ -109,7 +111,8 @@ def beforehand(bundle: Path, motion: Path | None, minutes: float | None, progres
     ability = Ability.planned(rows, rows.design.columns.in_question, longer)
     choices = further_choices(comparison, rows, ability, longer, progress)
     named = str(bundle if motion is None else motion)
-    return Beforehand(ability, robot.title, opened.metadata.get("measured") == "simulated", named, asked, choices)
+    simulated = opened.metadata.get("measured") == "simulated"
+    return Beforehand(ability, robot.title, robot.joint_names, simulated, named, asked, choices)
 
 
 def _same_robot(motion: Path, model: Predictor, name: str) -> list[Segment]:

@@ -129,7 +129,8 @@ class Watch:
         report = as_json(config, closed)
         self._settled = closed.verdict == "effects_found"
         self._save()
-        kept = {key: report[key] for key in ("verdict", "effects", "correction", "before", "after", "next")}
+        keys = ("verdict", "effects", "correction", "before", "after", "next", "joint_names")
+        kept = {key: report[key] for key in keys}
         return Event("proposal", kept | {"out": str(config.out), "recordings": count})
 
     def _restore(self) -> None:

@@ -31,6 +31,7 @@ def write_page(path: Path, designed: Designed) -> None:
     page = Page(
         f"Next recording of {question.subject.robot.title}",
         simulated=question.subject.data.measured == "simulated", kind="next", subject=question.subject.robot.name,
+        joints=question.subject.robot.joint_names,
     )  # fmt: skip
     page.verdict(tile(designed))
     if not designed.answered:

@@ -13,7 +13,7 @@ from acqd.discrepancy.report.write import write_all
 from acqd.errors import InputError, UserError
 from acqd.fleet.robot import FleetRobot
 
-_KEPT = ("verdict", "effects", "correction", "before", "after", "unexplained", "next", "notes")
+_KEPT = ("verdict", "effects", "correction", "before", "after", "unexplained", "next", "notes", "joint_names")
 
 
 @dataclass(frozen=True, slots=True)

@@ -100,7 +100,8 @@ def _with_cause(row: Row, result: Mapping[str, Any] | None, price: float | None)
     cause = result["cause"]
     notes = [*row["notes"], *([cause["reason"]] if cause["reason"] else [])]
     effects = [_priced(effect, price) for effect in cause["effects"]]
-    return row | {"verdict": cause["verdict"], "effects": effects, "report": cause["report"], "notes": notes}
+    told = {"verdict": cause["verdict"], "effects": effects, "report": cause["report"], "notes": notes}
+    return row | told | {"joint_names": cause.get("joint_names", [])}
 
 
 def _priced(effect: dict[str, Any], price: float | None) -> dict[str, Any]:

@@ -7,6 +7,7 @@ from typing import Any
 
 from acqd.fleet.size import main_parameter
 from acqd.report.digits import number, percent, year_text
+from acqd.report.joint_names import with_joint_names
 
 Row = dict[str, Any]
 STATES = {"changed": "changed", "unchanged": "no change shown", "failed": "not judged"}
@@ -35,6 +36,7 @@ def what(row: Row) -> str:
     if row["error"]:
         return f"cause not searched: {row['error']}"
     named = ", ".join(f"{effect['id']} ({effect['where']})" for effect in row["effects"])
+    named = with_joint_names(named, row.get("joint_names", ()))
     if row["verdict"] == "effects_found":
         return named
     verdict = str(row["verdict"]).replace("_", " ")
@@ -50,7 +52,7 @@ def how_much(row: Row) -> str:
             p = effect["parameters"][name]
             bounds = f" ({number(p['ci95'][0])} to {number(p['ci95'][1])})" if p["ci95"] else ""
             texts.append(f"{name} {number(p['value'])} {p['unit']}{bounds}")
-    return "; ".join(texts)
+    return with_joint_names("; ".join(texts), row.get("joint_names", ()))
 
 
 def a_year(row: Row) -> str:

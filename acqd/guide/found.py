@@ -12,6 +12,7 @@ import orjson
 
 from acqd.discrepancy.settled import leaves_open
 from acqd.errors import UserError, no_folder
+from acqd.report.joint_names import all_with_joint_names
 
 _DEPTH = 4
 """Folders below the one that was named; results lie beside their datasets."""
@@ -159,6 +160,7 @@ def _model(path: Path, bundle: dict[str, Any]) -> Model:
 
 
 def _loop(path: Path, report: dict[str, Any]) -> Loop:
+    report = all_with_joint_names(report, report.get("joint_names", ()))
     effects, causes, asked = report["effects"], report.get("causes"), report["asked"]
     told = {each["id"] for each in report["ability"]["effects"] if each["smallest"]}
     return Loop(

@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +20,7 @@ from acqd.report.digits import unbroken
 from acqd.report.drawing import inline_svg
 from acqd.report.footer import provenance
 from acqd.report.head import Head, require_page
+from acqd.report.joint_names import with_joint_names
 from acqd.report.lines import Chart
 from acqd.report.verdict import Verdict
 
@@ -34,11 +36,16 @@ _WHOLE = re.compile(
 class Page:
     """A report under construction. All texts are HTML-escaped."""
 
-    def __init__(self, title: str, *, simulated: bool, kind: str = "page", subject: str = "") -> None:
-        """`simulated` puts a conspicuous label on top; `kind` and `subject`: what the page is, of which robot."""
+    def __init__(
+        self, title: str, *, simulated: bool, kind: str = "page", subject: str = "", joints: Sequence[str] = ()
+    ) -> None:
+        """`simulated` puts a conspicuous label on top; `kind` and `subject`: what the page is, of which robot.
+
+        `joints`: names that stand in the place of joint 1, joint 2 ...
+        """
         self._title = title
         self._simulated = simulated
-        self._kind, self._subject = kind, subject
+        self._kind, self._subject, self._joints = kind, subject, joints
         self._verdict: Verdict | None = None
         self._opening: list[Block] = []
         self._sections: list[Section] = []
@@ -147,7 +154,7 @@ class Page:
             self._title, self._kind, self._subject, origin["written"], origin["by"], self._simulated,
             self._verdict or Verdict("fine", ""),
         )  # fmt: skip
-        return str(
+        text = str(
             _template().render(
                 title=self._title, simulated=self._simulated, verdict=self._verdict, opening=self._opening,
                 sections=[section for section in self._sections if section.blocks], head=head.as_script(), pages=EMPTY,
@@ -155,23 +162,24 @@ class Page:
                 provenance=origin, style=asset("style.css"), script=asset("script.js"), arm=self._arm_scripts(),
             )
         )  # fmt: skip
+        return with_joint_names(text, [escape(name).replace("\\", "&#92;") for name in self._joints])
 
 
 def _printed(value: object) -> object:
     """What the template prints: no line ends inside a number with its unit, or a moment; markup as it is."""
     if type(value) is not str:
         return value
-    from markupsafe import Markup, escape
+    from markupsafe import Markup
 
-    whole = _WHOLE.sub(r'<span class="whole">\g<0></span>', str(escape(unbroken(value))))
+    whole = _WHOLE.sub(r'<span class="whole">\g<0></span>', escape(unbroken(value)))
     return Markup(whole)  # noqa: S704  # escaped
 
 
 def _plain(value: object) -> object:
     """Of an attribute, which holds no markup."""
-    from markupsafe import escape
+    from markupsafe import Markup
 
-    return escape(unbroken(str(value)))
+    return Markup(escape(unbroken(str(value))))  # noqa: S704  # escaped
 
 
 @cache

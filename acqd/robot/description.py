@@ -140,13 +140,18 @@ class RobotDescription(Section):
 
     @model_validator(mode="after")
     def _names_differ(self) -> RobotDescription:
-        names = [joint.name for joint in self.joint]
+        names = self.joint_names
         if len(set(names)) < len(names):
             raise ValueError(f"joint names {names} are not all different")
         for layout in self.log:
             if layout.joints and len(layout.joints) != len(names):
                 raise ValueError(f"log: joints names {len(layout.joints)} joints; expected {len(names)}")
         return self
+
+    @property
+    def joint_names(self) -> list[str]:
+        """Names of the joints, from base to flange."""
+        return [joint.name for joint in self.joint]
 
     @property
     def axes(self) -> int:

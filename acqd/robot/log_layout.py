@@ -57,7 +57,7 @@ def _match(layout: LogColumns, table: Table, robot: RobotDescription) -> Columns
     where = {name: number for number, name in enumerate(table.header)}
     # the reader takes these marks for those of a comment, a user for a part of the name
     where = {mark + table.header[0]: 0 for mark in "%#"} | where
-    joints = layout.joints or [joint.name for joint in robot.joint]
+    joints = layout.joints or robot.joint_names
     columns: Columns = {}
     for name in PER_AXIS:
         pattern = getattr(layout, name)
@@ -154,7 +154,7 @@ def _named_otherwise(header: list[str], robot: RobotDescription) -> str:
             f"names its columns otherwise: expected time, q1 .. q{robot.axes} (s, rad) in small letters, without "
             "units, blanks or underscores"
         )
-    own = [joint.name for joint in robot.joint]
+    own = robot.joint_names
     known = [layout.joints for layout in robot.log if layout.joints] + [own]
     joints = next((each for each in known if all(any(joint in name for name in header) for joint in each)), None)
     if joints is None or min(map(len, joints)) < _TELLING:

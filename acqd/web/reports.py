@@ -7,6 +7,8 @@ import re
 from pathlib import Path
 from typing import Any
 
+from acqd.report.joint_names import all_with_joint_names
+
 REPORT_POLICY = (
     "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:; sandbox allow-scripts"
 )
@@ -42,4 +44,7 @@ def summary(report: Path) -> dict[str, Any]:
         content = json.loads((report / "report.json").read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return shown
-    return shown | {key: content[key] for key in _KEYS if isinstance(content, dict) and key in content}
+    if not isinstance(content, dict):
+        return shown
+    named = all_with_joint_names(content, content.get("joint_names", ()))
+    return shown | {key: named[key] for key in _KEYS if key in named}

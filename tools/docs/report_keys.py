@@ -53,6 +53,8 @@ KEYS: dict[str, tuple[str, str]] = {
         "smallest size of every effect that these recordings tell, and rivals",
     ),
     "next": ("list of text", "what to do, most useful first"),
+    "designable": ("boolean", "whether `acqd next` can design a motion that helps"),
+    "joint_names": ("list of text", "the robot's names of joint 1, joint 2 ... in the texts of this report"),
     "notes": ("list of text", "remarks on recordings and model"),
     "warnings": ("list of text", "those of the notes that make the verdict less than it seems"),
     "model": ("`{name, bundle}`", "the model that was asked about"),

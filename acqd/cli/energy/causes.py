@@ -71,8 +71,10 @@ def causes(
     if html is not None:
         from acqd.balance.page import balance_page
         from acqd.report.chain import REPORT, connect
+        from acqd.robot.description import load_description
 
-        page = balance_page(f"{bundle.metadata['robot']}, {dataset.name}", balance, rows, years, data.measured)
+        joints = load_description(bundle.metadata["description"]).joint_names
+        page = balance_page(f"{bundle.metadata['robot']}, {dataset.name}", balance, rows, years, data.measured, joints)
         page.detail("model", model)
         page.detail("dataset", dataset)
         page.detail("dataset SHA-256", data.digest)

@@ -15,6 +15,7 @@ from acqd.cli.options import Json
 from acqd.cli.progress import progress
 from acqd.cli.terminal import terminal
 from acqd.extras import require
+from acqd.report.joint_names import all_with_joint_names, with_joint_names
 
 
 def ability(
@@ -60,12 +61,12 @@ def ability(
         return
     console = terminal(soft_wrap=False, tables=True)
     console.print(f"{planned.minutes:.1f} min of the motion of {planned.motion}; told from nothing in 95 %")
-    console.print(_folded(table_of(planned.ability)))
+    console.print(_folded(all_with_joint_names(table_of(planned.ability), planned.joints)))
     for name, why in planned.ability.unseen:
         console.print(f"not judged: {name} ({why})")
-    console.print(_folded(planned.choices_table))
+    console.print(_folded(all_with_joint_names(planned.choices_table, planned.joints)))
     for sentence in planned.says:
-        console.print(sentence)
+        console.print(with_joint_names(sentence, planned.joints))
     if html is not None:
         console.print(f"page: {html}", markup=False)
 

@@ -64,8 +64,8 @@ class JointLevel:
 
     def _left_out(self) -> str:
         """Joints without enough moving rows in the reference, in words."""
-        joints = ", ".join(str(k + 1) for k in np.flatnonzero(self.rms_reference == 0))
-        return f"; not judged, because the reference hardly moves them: joint {joints}" if joints else ""
+        joints = ", ".join(f"joint {k + 1}" for k in np.flatnonzero(self.rms_reference == 0))
+        return f"; not judged, because the reference hardly moves them: {joints}" if joints else ""
 
     def as_json(self) -> list[dict[str, float]]:
         """One entry per joint."""

@@ -13,7 +13,10 @@ from acqd.report.page import Page
 
 def write_page(path: Path, planned: Beforehand) -> None:
     """Write the page. Raises UserError."""
-    page = Page("What the recordings will tell", simulated=planned.simulated, kind="ability", subject=planned.robot)
+    page = Page(
+        "What the recordings will tell", simulated=planned.simulated, kind="ability", subject=planned.robot,
+        joints=planned.joints,
+    )  # fmt: skip
     page.text(
         f"{planned.minutes:.1f} min of the motion of {planned.motion}. An effect of the size below is told from "
         f"nothing with a probability of {percent(POWER)}. A rival is told apart from the size behind its name on; "

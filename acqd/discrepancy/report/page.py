@@ -38,6 +38,7 @@ def write_report(path: Path, config: CloseConfig, closed: Closed) -> None:
     page = Page(
         f"Error of the model on {config.dataset.name}",
         simulated=subject.data.measured == "simulated", kind="closing report", subject=subject.data.robot,
+        joints=subject.robot.joint_names,
     )  # fmt: skip
     page.verdict(tile(closed, config.duty))
     if subject.data.measured == "derived":

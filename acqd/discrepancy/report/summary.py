@@ -60,6 +60,7 @@ def as_json(config: CloseConfig, closed: Closed) -> dict[str, Any]:
         "ability": closed.ability.as_json(),
         "next": next_steps(closed),
         "designable": _designable(closed),
+        "joint_names": subject.robot.joint_names,
         "notes": closed.notes,
         "warnings": closed.warnings,
         "model": {"name": subject.bundle.metadata["name"], "bundle": str(config.bundle)},

@@ -15,6 +15,7 @@ from acqd.report.digits import interval, number, percent
 from acqd.report.head import read_head
 from acqd.report.lines import Chart
 from acqd.report.page import Page
+from acqd.robot.description import load_description
 
 PAGE = "index.html"
 
@@ -38,7 +39,10 @@ class Trial:
 
 def trial_page(trial: Trial, picture: Chart) -> Page:
     """The page, to be written into the folder of the trial. Raises InputError."""
-    page = Page(f"A trial with {trial.robot}, seed {trial.seed}", simulated=True, kind="trial", subject=trial.robot)
+    page = Page(
+        f"A trial with {trial.robot}, seed {trial.seed}", simulated=True, kind="trial", subject=trial.robot,
+        joints=load_description(trial.robot).joint_names,
+    )  # fmt: skip
     page.verdict(read_head(trial.pages[0]).verdict)
     page.text(
         "The loop got rows of power and logs of the robot's joints, as it gets them from a real robot. The robot, its "
