@@ -27,6 +27,7 @@ def recording(tmp_path):
 
 def test_a_part_of_a_recording_begins_and_ends_where_it_was_asked_to(recording, tmp_path):
     for limits in (("0.9", "1.3"), ("2023-11-14T22:13:20.9Z", "2023-11-14T22:13:21.3+00:00")):
+        (tmp_path / "p.npz").unlink(missing_ok=True)
         done = acqd_here("capture", recording, "--from", limits[0], "--to", limits[1], "--out", "p.npz", cwd=tmp_path)
         assert done.returncode == 0, done.stderr
         part, whole = load_waveform(tmp_path / "p.npz"), load_waveform(recording)
@@ -50,7 +51,7 @@ def test_impossible_parts_are_refused(recording, tmp_path, words, says):
 def test_outputs_that_cannot_be_are_refused(recording, tmp_path):
     assert "ends in .npz" in refused(acqd_here("capture", recording, "--out", "p.wav", cwd=tmp_path))
     assert "does not exist" in refused(acqd_here("capture", recording, "--out", "no/p.npz", cwd=tmp_path))
-    assert "overwritten" in refused(acqd_here("capture", recording, "--out", recording, cwd=tmp_path))
+    assert "replaces no file" in refused(acqd_here("capture", recording, "--out", recording, cwd=tmp_path))
     assert "for a recording" in refused(acqd_here("capture", "--from", "1", "--out", "p.npz", cwd=tmp_path))
 
 
