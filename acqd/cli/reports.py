@@ -29,7 +29,7 @@ def reports(
     Example: acqd reports campaign
     """
     require("acqd reports", ("jinja2",), "loop")
-    from acqd.report.head import require_page
+    from acqd.report.head import require_kind
     from acqd.report.index import INDEX, KIND, index_page, pages_beneath, said, what
 
     if folder.is_file():
@@ -37,7 +37,7 @@ def reports(
     page = out or folder / INDEX
     if page.suffix not in (".html", ".htm"):
         raise UserError(f"--out {page}: a page ends in .html")
-    require_page(page, KIND)
+    require_kind(page, KIND)
     found = pages_beneath(folder)
     write_complete(page, index_page(found, page).html().encode())
     if json:

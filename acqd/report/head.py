@@ -64,7 +64,7 @@ def read_head(path: Path) -> Head:
     return head
 
 
-def require_page(path: Path, kind: str) -> None:
+def require_kind(path: Path, kind: str) -> None:
     """Raises UserError unless a page of this kind may be written: nothing is there, or an earlier one of its kind."""
     require_writable(path)
     if not path.is_file() or not path.stat().st_size:

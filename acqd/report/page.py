@@ -19,7 +19,7 @@ from acqd.report.chain import EMPTY
 from acqd.report.digits import unbroken
 from acqd.report.drawing import inline_svg
 from acqd.report.footer import provenance
-from acqd.report.head import Head, require_page
+from acqd.report.head import Head, require_kind
 from acqd.report.joint_names import with_joint_names
 from acqd.report.lines import Chart
 from acqd.report.verdict import Verdict
@@ -141,7 +141,7 @@ class Page:
 
     def write(self, path: Path) -> None:
         """Write the page, in the place of an earlier one of its kind at most. Raises UserError."""
-        require_page(path, self._kind)
+        require_kind(path, self._kind)
         try:
             replace_file(path, self.html().encode())
         except OSError as error:
