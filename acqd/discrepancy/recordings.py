@@ -59,6 +59,14 @@ class Subject:
         """Duration of the recordings in which effects are searched, s."""
         return sum(len(segment.P) for segment in self.fit) * self.data.step_s
 
+    @property
+    def begins(self) -> dict[str, float]:
+        """UTC of the start of the sessions in question by name, s; a session may begin with a held-out recording."""
+        begins: dict[str, float] = {}
+        for segment in [*self.fit, *self.held_out]:
+            begins[segment.session] = min(segment.start_s, begins.get(segment.session, np.inf))
+        return begins
+
 
 def subject_of(config: CloseConfig, progress: Callable[[str, float], None]) -> Subject:
     """Open the model and the datasets. Raises UserError, InputError."""

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
-import numpy as np
-
 from acqd.discrepancy.config import CloseConfig
 from acqd.discrepancy.delay import Delay, beyond_reference, corrected, find_delay
 from acqd.discrepancy.recordings import Subject
@@ -26,14 +24,6 @@ def search(config: CloseConfig, subject: Subject, progress: Progress) -> tuple[D
     """The delay between power and motion, if there is one, and the effects that the selection finds after it."""
     delay, rest = unexplained(subject)
     return delay, _select(config, rest, progress)
-
-
-def begins_of(segments: list[Segment]) -> dict[str, float]:
-    """UTC of the start of every session, s."""
-    begins: dict[str, float] = {}
-    for segment in segments:
-        begins[segment.session] = min(segment.start_s, begins.get(segment.session, np.inf))
-    return begins
 
 
 def unexplained(subject: Subject) -> tuple[Delay | None, Subject]:
@@ -74,7 +64,7 @@ def comparison_of(subject: Subject) -> Comparison:
     return Comparison(
         model=subject.carrier, robot=subject.robot, in_question=subject.fit, reference=subject.reference,
         chosen=subject.chosen, withheld=subject.withheld,
-        begins=begins_of([*subject.fit, *subject.held_out]),
+        begins=subject.begins,
     )  # fmt: skip
 
 

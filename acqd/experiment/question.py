@@ -22,7 +22,7 @@ from acqd.discrepancy.regression.least_squares import Column, Moments, Regressio
 from acqd.discrepancy.regression.row_noise import new_power, usual_noise
 from acqd.discrepancy.regression.setup import Comparison, Setup, set_up
 from acqd.discrepancy.regression.white_rows import white_products
-from acqd.discrepancy.search import begins_of, unexplained
+from acqd.discrepancy.search import unexplained
 from acqd.discrepancy.selection.judging import best_of_each, kinds_of
 from acqd.discrepancy.selection.ranking import Rows, prior_of, ranked
 from acqd.discrepancy.selection.session_columns import CLOCK, LEVEL, with_sessions
@@ -118,8 +118,8 @@ def _require_motion_helps(report: Path, doubted: list[tuple[str, ...]]) -> None:
 
 def recorded(question: Question, progress: Progress) -> Setup:
     """The design of the recordings so far, which all sessions to come share."""
-    begins = begins_of([*question.subject.fit, *question.subject.held_out])
-    return _set_up(question.subject, question.subject.fit, begins, progress, "computing the columns of the recordings")
+    subject, what = question.subject, "computing the columns of the recordings"
+    return _set_up(subject, subject.fit, subject.begins, progress, what)
 
 
 def opened(
@@ -132,9 +132,10 @@ def opened(
     UserError.
     """
     subject = question.subject
-    begins = begins_of([*subject.fit, *subject.held_out])
     known = with_sessions(so_far)
-    whole = _set_up(subject, [*subject.fit, *planned], begins, progress, "computing the columns of pieces of motion")
+    whole = _set_up(
+        subject, [*subject.fit, *planned], subject.begins, progress, "computing the columns of pieces of motion"
+    )
     rows = _trusted_as(known, _with_design(whole, so_far.design))
     names = [part.recording.removeprefix(PLANNED) for part in rows.design.parts[len(known.design.parts) :]]
     exists: Floats = np.concatenate([np.ones(len(known.design.parts)), np.zeros(len(names))])

@@ -4,7 +4,6 @@ import pytest
 
 from acqd.discrepancy.config import CloseConfig
 from acqd.discrepancy.recordings import subject_of
-from acqd.discrepancy.search import begins_of
 from acqd.errors import UserError
 from acqd.models.augmented import Term
 from tests.builders import recording, write_dataset
@@ -17,7 +16,7 @@ def test_recordings_of_a_later_session_join_those_in_question_and_begin_on_their
     config = CloseConfig(folder / "now" / "ds", folder / "model", tmp_path / "out", further=(more,))
     subject = subject_of(config, lambda *_: None)
     everything = [*subject.fit, *subject.held_out]
-    begins = begins_of(everything)
+    begins = subject.begins
     assert len(begins) == 2 and max(begins.values()) - min(begins.values()) > 8e5
     assert len({segment.recording for segment in everything}) == 13
     assert CloseConfig.from_json(config.as_json(), config.out) == config

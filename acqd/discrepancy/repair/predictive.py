@@ -54,7 +54,8 @@ class Beside:
     def of(cls, selection: Selection, subject: Subject) -> Beside:
         """Of a selection, on the subject's held-out segments."""
         columns, regression = selection.design.columns, selection.regression
-        memory = columns.scenes.memory(columns.scenes.in_question.index(True))
+        fixed = columns.scenes.memory(columns.scenes.in_question.index(True))  # of all scenes but for their session
+        begins = subject.begins
         owners = {(each.id, each.place.where): each.key for each in selection.effects}
         width = 1 + max(int(each.indices.max()) for each in columns.candidates if each.id)
         free = np.array([
@@ -67,7 +68,7 @@ class Beside:
         rows: list[NDArray[np.float32]] = []
         for segment in subject.held_out:  # one scene after the other: together they take more than their columns
             scene = segment_scene(subject.carrier, segment)
-            scene.memory.update(memory)
+            scene.memory.update(fixed | {"origin_s": begins[segment.session], "worked_s": segment.worked_s})
             rows.append(columns.named(scene)[:, regression.indices[free]])
             for each in predictable:
                 effects[each.id, each.place.where].append(_columns(each, scene))

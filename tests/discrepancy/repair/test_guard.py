@@ -8,13 +8,13 @@ import pytest
 
 from acqd.discrepancy.repair import guard
 from acqd.discrepancy.repair.guard import improve
-from acqd.discrepancy.repair.predictive import Predictive
+from acqd.discrepancy.repair.predictive import Beside, Predictive
 from acqd.discrepancy.repair.terms import reported
 from acqd.discrepancy.repair.torque_scale import TorqueScale
 from acqd.discrepancy.repair.usual_error import UsualError
 from acqd.models.augmented import Augmented
 from acqd.models.effects.scene import segment_scene
-from acqd.residual.residuals import errors_of
+from acqd.residual.residuals import errors_of, rms
 from tests.builders import grey, recording
 from tests.discrepancy.independent import COMMON, extra_power, payload_torque, selected
 from tests.discrepancy.repair.test_correcting import subject_of
@@ -69,6 +69,20 @@ def test_errors_have_not_grown_where_the_reference_explains_them_in_faster_motio
     usual, errors = UsualError.of(subject, 0.5), errors_of(model, held_out)
     assert usual.exceeded_by(held_out, errors)
     assert usual.exceeded_by(held_out, Predictive.of(selection, subject).of_change(errors)) == grown
+
+
+def test_held_out_recordings_are_as_warm_as_their_session(robot):
+    """The second session began after two hours of work, when gears that were cold in the first had warmed up."""
+    model = grey()
+    segments = [recording(model, k, seed=2, start_s=1e9 + 5000) for k in range(4)]
+    segments += [replace(recording(model, k, seed=3, start_s=2e9), session="warm", worked_s=7200.0) for k in range(4)]
+    fit, held_out = segments[:2] + segments[4:6], segments[2:4] + segments[6:]
+    reference = [recording(model, k, seed=1) for k in range(4)]
+    _, selection = selected(model, robot, fit, reference, {"thermal_friction"})
+    subject = subject_of(robot, model, model, fit, held_out, reference)
+    base, levels = selection.design.columns.base, 2
+    thermal = [each[:, base:-levels] for each in Beside.of(selection, subject).columns]
+    assert 0 < rms(thermal[2:]) < 0.1 * rms(thermal[:2])
 
 
 def test_what_predicts_better_and_does_not_reduce_the_error_is_reported_and_not_added(monkeypatch):
