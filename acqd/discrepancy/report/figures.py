@@ -136,6 +136,7 @@ def along(closed: Closed) -> Figure:
         axes.axhline(0, color="black", lw=0.5)
         axes.set_title(f"{one.name} [{one.unit}]", fontsize=8)
         axes.tick_params(labelsize=7)
+        axes.locator_params(axis="x", nbins=4)  # "229.25" is a long word
     for axes in panels[len(before) :]:
         axes.set_visible(False)
     figure.supylabel("residual [W]", fontsize=8)
