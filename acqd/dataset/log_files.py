@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeVar
 
-from acqd.dataset.copied_logs import require_new
+from acqd.dataset.copied_logs import DistinctLogs
 from acqd.dataset.log_check import check_log
 from acqd.dataset.motion_notes import motion_notes
 from acqd.errors import InputError, UserError
@@ -70,7 +70,7 @@ def read_logs(
     `present`: recordings of an existing dataset by the hash of their log's content; such logs are not read again.
     `names`: names that are taken. Raises UserError when no log is left.
     """
-    logs, seen, taken = Logs(), dict(present), set(names)
+    logs, seen, taken, distinct = Logs(), dict(present), set(names), DistinctLogs()
     paths = log_files(folder)
     for number, path in enumerate(paths):
         content = content_hash(path)
@@ -79,7 +79,7 @@ def read_logs(
         else:
             try:
                 log = _read(path, robot, seen.get(content), taken)
-                require_new(log, logs.kept)
+                distinct.add(log)
                 logs.kept.append(log)
                 seen[content] = path.name
             except InputError as error:
