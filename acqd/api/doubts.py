@@ -58,16 +58,19 @@ def scaled(q: Floats) -> Iterator[str]:
 
 
 def written_twice(X: Floats, y: Floats, recordings: Sequence[Recording]) -> Iterator[str]:
-    """A line on rows that repeat the row before, in angles and power, while the arm moves on."""
+    """A line on rows that repeat the row before, in angles and power, while the arm moves on.
+
+    A meter that is slower than the rows repeats power, a slow controller or a coarse encoder repeats angles: each by
+    itself. Where rows are written twice, power repeats in most rows that repeat the angles, and in few others.
+    """
     ends = np.cumsum([len(each.valid) for each in recordings])
-    same = np.concatenate([[False], (X[1:] == X[:-1]).all(axis=1) & (y[1:] == y[:-1])])
-    moves = np.concatenate([[False], (X[1:] != X[:-1]).any(axis=1)])
-    twice = same.copy()
-    twice[1:] &= moves[:-1]
-    twice[:-1] &= moves[1:]
-    twice[ends[:-1]] = False
-    rows = np.flatnonzero(twice)
-    if len(rows) >= _FEWEST_COPIES and np.ptp(y) > 0.0:
+    moves = np.concatenate([[False], (X[1:] != X[:-1]).any(axis=1), [False]])  # into each row, and after the last
+    stays = np.concatenate([[False], y[1:] == y[:-1]])
+    again = np.concatenate([[False], moves[:-2]]) & ~moves[:-1] & moves[1:]
+    again[ends[:-1]] = False
+    rows = np.flatnonzero(again & stays)
+    together = len(rows) > again.sum() / 2 and stays[moves[:-1]].sum() < moves.sum() / 2
+    if len(rows) >= _FEWEST_COPIES and np.ptp(y) > 0.0 and together:
         yield (
             f"{len(rows)} rows repeat the row before while the arm moves, the first is row {int(rows[0]) + 1}: are "
             "they written twice? Rows are step_s apart: drop the copies"

@@ -5,10 +5,12 @@ from __future__ import annotations
 import warnings
 from pathlib import Path
 
+import numpy as np
 import orjson
 import pytest
 
 import acqd
+from acqd.api.doubts import written_twice
 from acqd.api.loop import LoopResult
 
 
@@ -90,3 +92,39 @@ def test_a_verdict_warns_of_what_it_has_to_be_read_with(folder, monkeypatch, war
     monkeypatch.setattr("acqd.discrepancy.report.write.write_all", write)
     _, said = lines_of(lambda: acqd.close_loop("now", "model", "loop"))
     assert said == warned
+
+
+def rows_of(step_s, resolution, power_s, seconds=20.0):
+    """A recording: angles [T, 6] of an encoder, power [T] of a meter that is slower than the rows."""
+    time = np.arange(0.0, seconds, step_s)
+    q = 0.3 * np.sin(0.4 * time[:, None] + np.arange(6))
+    metered = np.unique((time / power_s).astype(int), return_inverse=True)[1]
+    y = 200.0 + np.random.default_rng(1).normal(0.0, 3.0, len(time))
+    return resolution * np.round(q / resolution), np.round(y[metered], 1)
+
+
+def twice(X, y, rows):
+    [*said] = written_twice(np.repeat(X, rows, axis=0), np.repeat(y, rows), [Rows(int(rows.sum()))])
+    return said
+
+
+class Rows:
+    """A recording of so many rows."""
+
+    def __init__(self, count):
+        self.valid = np.ones(count, bool)
+
+
+@pytest.mark.parametrize("share", [0.01, 0.1, 1.0])
+def test_rows_that_are_written_twice_are_doubted(share):
+    X, y = rows_of(0.04, 1e-4, 0.04)
+    rows = 1 + (np.random.default_rng(2).random(len(X)) < share).astype(int)
+    assert "rows repeat the row before while the arm moves" in twice(X, y, rows)[0]
+
+
+@pytest.mark.parametrize("step_s", [0.002, 0.01, 0.04, 0.1])
+@pytest.mark.parametrize("resolution", [1e-4, 1.5e-3, 0.0175])
+@pytest.mark.parametrize("power_s", [0.002, 0.04, 0.2])
+def test_slow_meters_and_coarse_encoders_are_not(step_s, resolution, power_s):
+    X, y = rows_of(step_s, resolution, power_s)
+    assert twice(X, y, np.ones(len(X), int)) == []
