@@ -15,6 +15,9 @@ from acqd.robot.garbled import TOO_FAST, resolution
 
 _NOISE = 0.2
 """Share of what is no jump between any rows: here the joint's motion around the step is known."""
+_QUANTUM = 2.0
+"""Steps in which angles are written: what rounding adds at most to the difference of a step from the mean of the two
+around it, in which four angles have weights of 1.5, 1.5, 0.5 and 0.5."""
 _EVEN = 0.01
 """Of a step, by which steps may differ."""
 
@@ -29,7 +32,9 @@ def missing_rows(time: Floats, q: Floats, q_step: Floats, robot: RobotDescriptio
         return None
     usual = float(np.median(step))
     around = (moved[:-2] + moved[2:]) / 2
-    farthest = TOO_FAST * robot.acceleration * usual**2 + _NOISE * resolution(robot) + q_step.max(initial=0.0)
+    by_drive = TOO_FAST * robot.acceleration * usual**2
+    unsure = _NOISE * resolution(robot) + _QUANTUM * q_step.max(initial=0.0)
+    farthest = by_drive + unsure + np.abs(around)
     even = np.abs(step - usual) < _EVEN * usual
     beyond = (np.abs(moved[1:-1] - around) > farthest) & (np.abs(moved[1:-1]) > np.abs(around))
     jumps = beyond & (even[:-2] & even[1:-1] & even[2:])[:, None]

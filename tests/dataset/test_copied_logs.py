@@ -60,7 +60,14 @@ def test_the_same_poses_at_the_same_times_are_a_copy(copy):
         resting("b.csv", leaves_s=15.0),
         RobotLog(Path("b.csv"), T0 + np.arange(0, 20, 0.01), np.zeros((2000, 7))),
     ],
-    ids=["recorders that overlap", "another run", "the next log", "an arm at rest", "at home most of the time", "more axes"],
+    ids=[
+        "recorders that overlap",
+        "another run",
+        "the next log",
+        "an arm at rest",
+        "at home most of the time",
+        "more axes",
+    ],
 )
 def test_other_motion_is_no_copy(another):
     require_new(another, [log("a.csv"), resting("home.csv", leaves_s=4.0)])

@@ -29,12 +29,19 @@ def test_no_motion_within_three_times_the_accelerations_lacks_rows(seed, step_s,
     assert missing_rows(time, q, NO_STEP, UR10E) is None
 
 
-@given(st.integers(0, 2**32 - 1), st.sampled_from([0.004, 0.02, 0.04]), st.floats(5.0, 60.0), st.integers(0, 5))
+@given(st.integers(0, 2**32 - 1), st.sampled_from([0.004, 0.02, 0.04]), st.floats(6.0, 60.0), st.integers(0, 5))
 def test_a_jump_of_some_degrees_is_named_by_row_and_joint(seed, step_s, degrees, axis):
     time, q = driven(seed, step_s, 0.3)
-    q[100:, axis] += np.copysign(np.radians(degrees), q[100, axis] - q[99, axis])
+    way, around = q[100, axis] - q[99, axis], (q[99] - q[98] + q[101] - q[100])[axis] / 2
+    q[100:, axis] += np.copysign(np.radians(degrees) + abs(around), way)
     row, text = missing_rows(time, q, NO_STEP, UR10E)
     assert row == 100 and text.startswith(UR10E.joint[axis].name) and "rows are missing" in text
+
+
+@given(st.integers(0, 2**32 - 1), st.sampled_from([0.002, 0.008, 0.04]), st.integers(5, 200))
+def test_a_row_that_a_recorder_has_lost_is_no_part_of_the_motion(seed, step_s, row):
+    time, q = driven(seed, step_s, 0.3)
+    assert missing_rows(time[:-1], np.delete(q, row, axis=0), NO_STEP, UR10E) is None
 
 
 @pytest.mark.parametrize("step_s", [0.04, 0.1])
