@@ -85,12 +85,18 @@ def _alike(error: Any, name: str) -> bool:
 
 
 def _require_once(command: Any, context: Any, words: list[str]) -> None:
-    """Raises UserError for an option that stands twice and takes one value: click would take the last in silence."""
+    """Raises UserError for an option that stands twice and takes one value: click would take the last in silence.
+
+    A switch that can only be on (--json) says nothing else when it stands twice.
+    """
     try:
         order = command.make_parser(context).parse_args(args=list(words))[2]
     except Exception:
         return  # said when the command itself reads its words
-    one_value = [each for each in order if each.param_type_name == "option" and not each.multiple and not each.count]
+    options = [each for each in order if each.param_type_name == "option"]
+    one_value = [
+        each for each in options if not each.multiple and not each.count and (not each.is_flag or each.secondary_opts)
+    ]
     if twice := [each for each in one_value if one_value.count(each) > 1]:
         names = " or ".join([*twice[0].opts[:1], *twice[0].secondary_opts[:1]])
         path = context.command_path.removeprefix("acqd ")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,6 +15,9 @@ from acqd.errors import UserError
 from acqd.section import Section
 from acqd.telemetry import certificates
 from acqd.telemetry.mqtt import BrokerAddress, is_loopback
+
+_ANYWHERE = ("0.0.0.0", "::", "localhost")  # noqa: S104
+"""Hosts that share their ports with those of other names."""
 
 
 def config_checks(config: Config, *, connect: bool) -> list[Finding]:
@@ -60,16 +64,26 @@ def _no_certificates(address: BrokerAddress) -> str:
 
 
 def _ports(config: Config) -> Iterator[Finding]:
-    """Services of one computer that want the same port: the second one to start has none."""
-    wanted: dict[int, list[str]] = {}
-    ours = {"health.port": config.health.port, "health.sink_port": config.health.sink_port, "web.port": config.web.port}
-    broker = {"mqtt.port": config.mqtt.port} if is_loopback(config.mqtt.host) else {}
-    for key, port in {**ours, **broker, "opcua.port": dict(config)["opcua"].port}.items():
-        wanted.setdefault(port, []).append(key)
-    for port, keys in wanted.items():
-        if port and len(keys) > 1:
-            both = "both" if len(keys) == 2 else "all"
-            yield Finding("ports", "fail", f"{' and '.join(keys)} are {both} {port}", "give each a port of its own")
+    """Services of one computer that want the same port: the second one to start has none.
+
+    A service whose port is not in the file may run on another computer, or nowhere.
+    """
+    health, web, opcua = config.health, config.web, dict(config)["opcua"]
+    wanted = [
+        ("health.port", health.port, health.host, True),
+        ("health.sink_port", health.sink_port, health.host, "sink_port" in health.model_fields_set),
+        ("web.port", web.port, web.host, web.enabled or "port" in web.model_fields_set),
+        ("opcua.port", opcua.port, opcua.host, "port" in opcua.model_fields_set),
+    ]
+    if is_loopback(config.mqtt.host):
+        wanted.append(("mqtt.port", config.mqtt.port, _ANYWHERE[0], True))
+    for (key, port, host, here), (other, its_port, its_host, other_here) in itertools.combinations(wanted, 2):
+        if port and port == its_port and (host == its_host or not {host, its_host}.isdisjoint(_ANYWHERE)):
+            finding, advice = f"{key} and {other} are both {port}", "give each a port of its own"
+            if here and other_here:
+                yield Finding("ports", "fail", finding, advice)
+            else:
+                yield Finding("ports", "warn", finding, f"{advice}, where both services run on this computer")
 
 
 def _places(config: Config) -> Iterator[Finding]:

@@ -24,6 +24,7 @@ CASES = {
     ),
 }
 RIGHT = (
+    '[health]\nport = 9000\n[web]\nhost = "192.0.2.1"\nport = 9000\n',
     "[health]\nport = 0\nsink_port = 0\n",
     '[mqtt]\nhost = "broker.invalid"\n[health]\nport = 1883\n',
     'device = "hall-3"\n[mqtt]\nusername = "hall-3"\npassword = "x"\nsink = { username = "s", password = "y" }\n',
@@ -45,6 +46,20 @@ def test_what_cannot_work_is_named_by_its_key(text, tmp_path, monkeypatch):
     check, said = CASES[text]
     [one] = found(text, tmp_path, monkeypatch)
     assert one.check == check and said in one.finding and one.advice
+
+
+@pytest.mark.parametrize(
+    ("text", "state"),
+    [
+        ("[health]\nport = 8731\n", "warn"),
+        ("[health]\nport = 8731\n[web]\nenabled = true\n", "fail"),
+        ("[health]\nport = 4840\n[opcua]\nport = 4840\n", "fail"),
+        ("[health]\nport = 1883\n", "fail"),
+        ("[health]\nport = 9110\n[web]\nport = 9110\n", "fail"),
+    ],
+)
+def test_a_port_of_a_service_that_the_file_does_not_name_may_be_shared(text, state, tmp_path, monkeypatch):
+    assert [one.state for one in found(text, tmp_path, monkeypatch)] == [state]
 
 
 @pytest.mark.parametrize("text", RIGHT)
