@@ -216,3 +216,17 @@ def test_the_best_of_many_orders_pays_for_the_choice_and_few_blocks_for_their_sc
     share = float((errors.max(axis=1) > best_of(61, 32)).mean())
     assert 0.01 < share < 0.03 < float((errors.max(axis=1) > CLEARLY).mean())
     assert best_of(61, 32) > best_of(61, 320) > best_of(1, 320)
+
+
+@pytest.mark.parametrize(("share", "doubted"), [(0.0, True), (0.1, False)])
+def test_power_is_doubted_that_the_motion_explains_no_better_than_at_other_times(share, doubted):
+    """A joint with a vertical axis moves little power beside fans and a load on the same line."""
+    robot, random = load_description("ur10e"), np.random.default_rng(4)
+    time = np.arange(0.0, 120.0, 0.04)
+    q = np.array([0.0, -1.2, 1.0, -0.5, -1.5, 0.0]) + np.sin(time[:, None] * (0.5 + 0.13 * np.arange(6)))
+    qd = np.gradient(q, 0.04, axis=0)
+    power = (inverse_dynamics(robot, q, qd, np.gradient(qd, 0.04, axis=0)) * qd).sum(axis=1)
+    P = 300.0 + random.normal(0.0, 10.0, len(time)) + 10.0 * np.sqrt(share / (1 - share)) * power / power.std()
+    columns = dict(zip([f"q{axis}" for axis in range(1, 7)], q.T, strict=True)) | {"P": P}
+    recording = Recording("a", (1e9 * time).astype(np.int64), columns, np.ones(len(time), bool))
+    assert any("the motion explains" in note for note in judge_recordings([recording], robot, None)) == doubted
