@@ -216,13 +216,24 @@ def _require_step(step_s: object) -> None:
         )
 
 
+def _named(group: object) -> bool:
+    """Whether a group is a name: not None, NaN, NaT or NA, which differ from themselves, or do not know."""
+    try:
+        return group is not None and bool(group == group)
+    except TypeError:
+        return False
+
+
 def _recordings(groups: Table | None, rows: int) -> list[slice]:
     """Slices of consecutive rows with the same group. Raises ValueError for another length."""
     if groups is None:
         return [slice(0, rows)]
     names = np.asarray(groups)
+    if names.ndim != 1 and names.size != len(names):
+        raise ValueError(f"groups has {names[0].size} values in a row: expected one, the name of its recording")
+    names = names.ravel()
     check_consistent_length(names, np.empty(rows))
-    nameless = np.asarray(names != names)  # NaN, NaT
+    nameless = np.array([not _named(name) for name in names], bool) if names.dtype == object else names != names
     if nameless.any():
         raise ValueError(f"row {int(nameless.argmax()) + 1} has no group: name the recording of every row")
     changes = np.flatnonzero(names[1:] != names[:-1]) + 1

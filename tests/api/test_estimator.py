@@ -146,6 +146,29 @@ def test_a_robot_may_be_a_description_and_rows_without_a_group_are_named(folder)
         same.fit(X, y, groups=groups.where(np.arange(len(X)) != 7))
 
 
+@pytest.mark.parametrize("none", ["None", "nan", "NA", "NaT"])
+@pytest.mark.parametrize("dtype", [object, "string"])
+def test_a_row_without_a_group_is_named_whatever_stands_for_none(none, dtype):
+    import pandas as pd
+
+    from acqd.api.estimator import _recordings
+
+    nothing = {"None": None, "nan": float("nan"), "NA": pd.NA, "NaT": pd.NaT}[none]
+    with pytest.raises(ValueError, match="row 3 has no group"):
+        _recordings(pd.Series(["a", "a", nothing, "b"], dtype=dtype), 4)
+
+
+def test_groups_may_be_a_table_of_one_column_and_no_more():
+    import pandas as pd
+
+    from acqd.api.estimator import _recordings
+
+    groups = pd.DataFrame({"recording": ["a", "a", "b"]})
+    assert _recordings(groups, 3) == [slice(0, 2), slice(2, 3)]
+    with pytest.raises(ValueError, match="groups has 2 values in a row"):
+        _recordings(groups.assign(day=1), 3)
+
+
 def copies(X, y, groups):
     rows = np.repeat(np.arange(len(X)), np.where(np.arange(len(X)) % 40 == 39, 2, 1))
     return X.iloc[rows], y.iloc[rows], groups.iloc[rows]
