@@ -99,3 +99,8 @@ def test_a_service_without_a_port_is_not_forgotten(tmp_path):
     (tmp_path / "acqd.toml").write_text("[health]\nport = 0\nsink_port = 9\n")
     done = acqd_here("status", cwd=tmp_path)
     assert done.returncode == 1 and "daemon is not asked: [health] port is 0" in done.stderr
+
+
+def test_a_switch_that_can_only_be_on_may_stand_twice_as_an_alias_leaves_it(tmp_path):
+    done = acqd_here("config", "check", "none.toml", "--json", "--json", cwd=tmp_path)
+    assert done.returncode == 2 and "none.toml" in done.stderr and "more than once" not in done.stderr
