@@ -13,7 +13,7 @@ from acqd.dataset.align import MIN_R2
 from acqd.dataset.axis_order import OrderJudgement, judge_order
 from acqd.dataset.axis_zeros import judge_zeros
 from acqd.dataset.merge import Recording
-from acqd.dataset.order_fit import OrderSample, pieces, share_at_other_times, share_of, shares_of
+from acqd.dataset.order_fit import OrderSample, pieces, share_of, share_of_weight, shares_of
 from acqd.dataset.other_robot import other_robot
 from acqd.dataset.regressors import best_torque
 from acqd.dataset.reversed_rows import reversed_rows
@@ -129,23 +129,23 @@ def judge_recordings(
         text = zero.text(robot) if zero is not None and by_zero else judged.text(robot)
         raise UserError(f"angles and power of {len(recordings)} recordings do not fit as logged: {text}")
     judged = judged if by_torque is None else by_torque.together(judged)
-    if long and judged.unsure and _by_chance(share := share_of(robot, long), robot, long):
+    if long and judged.unsure and _unrelated(share := share_of(robot, long), robot, long):
         return [*doubts, _unexplained(share)]
     witness = "by their power" if by_torque is None else "by their torques, currents and power"
     return doubts + ([note] if (note := judged.note(robot, witness)) else [])
 
 
-def _by_chance(share: float, robot: RobotDescription, samples: list[OrderSample]) -> bool:
-    """Whether the motion explains no more of the power than of the same power at other times.
+def _unrelated(share: float, robot: RobotDescription, samples: list[OrderSample]) -> bool:
+    """Whether the motion explains little of the power, although it lifts masses that need much.
 
-    A joint with a vertical axis shows little in any power.
+    An arm that stands, and a joint with a vertical axis, show little in any power.
     """
-    return share < MIN_R2 and share <= share_at_other_times(robot, samples)
+    return share < MIN_R2 <= share_of_weight(robot, samples)
 
 
 def _unexplained(share: float) -> str:
     return (
-        f"the motion explains {100 * max(share, 0.0):.0f} % of the changes of the power, no more than at other times: "
+        f"the motion explains {100 * max(share, 0.0):.0f} % of the changes of the power, but lifts the arm's masses: "
         "is it the power of this robot, in these rows, and are the angles angles? The order of the axes cannot be "
         "judged either"
     )

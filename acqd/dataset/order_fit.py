@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
@@ -19,7 +19,7 @@ from scipy.optimize import nnls
 from acqd.arrays import Floats
 from acqd.numerics import runs_of_true
 from acqd.robot.description import RobotDescription
-from acqd.robot.inertia import inertial_parameters
+from acqd.robot.inertia import inertial_parameters, inverse_dynamics
 from acqd.robot.newton_euler import Chain, joint_torque
 
 Order: TypeAlias = tuple[int, ...]
@@ -43,8 +43,6 @@ _MOST_ROWS = 1500
 _EDGE = 2
 """Rows at either end of a piece whose accelerations are one-sided."""
 SIGN_SPEED = 0.02  # rad/s, width of the smoothed sign of the speed
-_SHIFTS, _NEAR = 15, 0.05
-"""Times at which power is compared with other motion, and the share of a piece by which they differ from its own."""
 _RESOLVED = 0.02
 """Share of the scatter of torques or power below which residuals count alike: no description is that exact."""
 
@@ -80,22 +78,14 @@ def share_of(
     return Fit(robot, samples, scale).mean_explained(order or tuple(range(robot.axes)))
 
 
-def share_at_other_times(robot: RobotDescription, samples: Sequence[OrderSample]) -> float:
-    """The greatest share that the order as logged explains of witnesses that are moved in time against the motion.
-
-    What has nothing to do with the motion is explained as well at one time as at another (circular shifts: E. S.
-    Edgington, P. Onghena, Randomization Tests, 2007). The shifts are no multiples of a cycle that repeats. NaN for
-    recordings that are too short to tell.
-    """
-    if sum(len(each.q) * each.step_s for each in samples) < FEWEST_BLOCKS * _BLOCK_S:
-        return float("nan")
-    parts = (np.arange(1, _SHIFTS + 1) * (np.sqrt(5) - 1) / 2) % 1.0
-    return max(
-        share_of(
-            robot, [replace(each, seen=np.roll(each.seen, round(part * len(each.seen)), axis=0)) for each in samples]
-        )
-        for part in parts[(parts > _NEAR) & (parts < 1 - _NEAR)]
-    )
+def share_of_weight(robot: RobotDescription, samples: Sequence[OrderSample]) -> float:
+    """Variance of the power that lifts and lowers the described masses, over that of the power [T] W of the samples."""
+    lifting, seen = [], []
+    for sample in samples:
+        qd = np.gradient(sample.q, sample.step_s, axis=0)
+        lifting.append((inverse_dynamics(robot, sample.q, 0 * qd, 0 * qd) * qd).sum(axis=1))
+        seen.append(sample.seen)
+    return float(np.var(np.concatenate(lifting)) / max(float(np.var(np.concatenate(seen))), 1e-12))
 
 
 def shares_of(robot: RobotDescription, samples: Sequence[OrderSample]) -> Floats:
