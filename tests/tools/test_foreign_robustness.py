@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from acqd.arrays import Floats
 from acqd.discrepancy.regression.least_squares import Column
+from acqd.discrepancy.thresholds import THRESHOLDS, Thresholds
 from tools.studies.foreign.once import Once
-from tools.studies.foreign.robustness import table_of
+from tools.studies.foreign.robustness import QUANTITIES, moved, table_of
 
 
 def test_equal_values_are_computed_once_and_others_again() -> None:
@@ -32,6 +34,30 @@ def test_who_asked_may_add_to_a_list() -> None:
     once = Once().stage(lambda number: [number], lambda number: number)
     once(1).append(2)
     assert once(1) == [1]
+
+
+@pytest.mark.parametrize("quantity", QUANTITIES.values())
+def test_a_stage_runs_again_where_a_threshold_that_it_reads_has_moved(quantity: str) -> None:
+    """Also where an inner stage reads the threshold, the second time from its known result."""
+    once, calls = Once(), []
+    inner = once.stage(lambda: getattr(THRESHOLDS, quantity), lambda: ())
+
+    def doubled(number: int) -> float:
+        calls.append(number)
+        return number * float(inner())
+
+    outer = once.stage(doubled, lambda number: number)
+    with once.watched():
+        usual = [outer(1), outer(2), outer(1)]
+        assert calls == [1, 2]
+        with moved(quantity, 0.7):
+            other, value = [outer(1), outer(2)], float(getattr(THRESHOLDS, quantity))
+        assert other == [value, 2 * value] and other != usual[:2]
+        assert [outer(1), outer(2), outer(1)] == usual
+        calls.clear()
+        with moved(next(name for name in QUANTITIES.values() if name != quantity), 0.7):
+            assert outer(1) == usual[0] and not calls
+    assert "__getattribute__" not in vars(Thresholds)
 
 
 def test_a_case_that_any_quantity_changes_counts_once() -> None:

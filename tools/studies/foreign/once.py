@@ -1,15 +1,16 @@
-"""Stages of the loop that do not read the quantities that a study moves, computed once for the same arguments.
+"""Stages of the loop, computed once for the same arguments and the same values of the thresholds that they read.
 
 Reading, columns, noise model, searches in the residual, shapes and intervals take most of a run. Arguments are
-compared by their values, so that a stage runs again wherever a moved quantity has changed what goes into the stage.
+compared by their values, so that a stage runs again wherever a moved threshold has changed what goes into the stage;
+what a stage reads of the thresholds is noted while the stage runs.
 """
 
 from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Collection, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
-from dataclasses import fields, is_dataclass
+from contextlib import AbstractContextManager, ExitStack, contextmanager
+from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import Any
 from unittest import mock
@@ -30,34 +31,73 @@ from acqd.discrepancy.repair.predictive import Beside, Predictive
 from acqd.discrepancy.selection import confidence, forward_selection, placing, spread, step
 from acqd.discrepancy.selection.accepted import Selected, Selection
 from acqd.discrepancy.strength import Strength
+from acqd.discrepancy.thresholds import THRESHOLDS, Thresholds
 from acqd.models.segments import Segment
 
 _LARGE = 100_000
 """Values of an array that is compared by identity: the columns of a design, which all runs of a case share."""
 
 
+@dataclass(frozen=True, slots=True)
+class _Result:
+    """What a stage has returned, and the thresholds that it has read, with their values."""
+
+    returned: Any
+    read: dict[str, Any]
+
+    @property
+    def valid(self) -> bool:
+        """Whether these thresholds have the same values still."""
+        return all(getattr(THRESHOLDS, name) == value for name, value in self.read.items())
+
+
 class Once:
     """Results of the stages of one case."""
 
     def __init__(self) -> None:
-        self._known: dict[tuple[str, bytes], Any] = {}
+        self._known: dict[tuple[str, bytes], _Result] = {}
+        self._reading: list[dict[str, Any]] = []
+        """Thresholds that the running stages have read, the innermost stage last."""
         self._alive: list[Any] = []
         """What was compared by identity: another object must not get the same one."""
         self._fed: dict[int, bytes] = {}
         """Digests of records that are a part of many arguments, by identity."""
 
     def stage(self, function: Callable[..., Any], key: Callable[..., Any]) -> Callable[..., Any]:
-        """The function, computed once for every value of `key` of its arguments."""
+        """The function, computed once for every value of `key` of its arguments and of the thresholds that it reads."""
         name = f"{function.__module__}.{function.__qualname__}"
 
         def known(*arguments: Any, **named: Any) -> Any:
             at = name, self._digest(key(*arguments, **named))
-            if at not in self._known:
-                self._known[at] = function(*arguments, **named)
-            found = self._known[at]
-            return list(found) if isinstance(found, list) else found  # who asked may add to the list
+            result = self._known.get(at)
+            if result is None or not result.valid:
+                result = self._known[at] = self._computed(lambda: function(*arguments, **named))
+            for outer in self._reading:
+                outer |= result.read
+            returned = result.returned
+            return list(returned) if isinstance(returned, list) else returned  # who asked may add to the list
 
         return known
+
+    def _computed(self, stage: Callable[[], Any]) -> _Result:
+        read: dict[str, Any] = {}
+        self._reading.append(read)
+        try:
+            return _Result(stage(), read)
+        finally:
+            self._reading.pop()
+
+    def watched(self) -> AbstractContextManager[object]:
+        """Note what running stages read of the thresholds."""
+        names, plain = {field.name for field in fields(Thresholds)}, object.__getattribute__
+
+        def read(of: Thresholds, name: str) -> Any:
+            value = plain(of, name)
+            if self._reading and name in names and of is THRESHOLDS:
+                self._reading[-1][name] = value
+            return value
+
+        return mock.patch.object(Thresholds, "__getattribute__", read)
 
     def set_up(self, function: Callable[..., Setup]) -> Callable[..., Setup]:
         """The setup of a comparison, with the scenes as they were at first: a run ends with fewer."""
@@ -134,7 +174,7 @@ def once() -> Iterator[None]:
     def all_of(*arguments: Any) -> Any:
         return arguments
 
-    with ExitStack() as patches:
+    with stages.watched(), ExitStack() as patches:
 
         def replaced(module: Any, name: str, function: Callable[..., Any]) -> None:
             patches.enter_context(mock.patch.object(module, name, function))
