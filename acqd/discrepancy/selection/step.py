@@ -204,14 +204,21 @@ def led_by(table: tuple[Hypothesis, ...], leader: Finding | None) -> tuple[Hypot
             return each if each.status == "refused" else replace(each, status="leads", missing=())
         if leader is None or each.status == "refused":
             return each
-        ahead = leader.candidate.id or unnamed(leader.candidate.label)
-        short = leader.evidence - each.finding.evidence
-        lacks = f"{short:.0f} more evidence than {ahead}" if short > 0 else f"a name: {ahead}"
-        if short <= 0 and each.id:
-            lacks = f"more evidence than wrong columns of {ahead} leave"
-        return replace(each, status="candidate", missing=(lacks,))
+        return replace(each, status="candidate", missing=(_lacks(each.finding, leader),))
 
     return tuple(map(row, table))
+
+
+def _lacks(finding: Finding, leader: Finding) -> str:
+    """What a hypothesis that passes by itself lacks to lead."""
+    ahead, short = leader.candidate.id or unnamed(leader.candidate.label), leader.evidence - finding.evidence
+    if short > 0:
+        return f"{short:.0f} more evidence than {ahead}"
+    if not finding.candidate.id:
+        return f"a name: {ahead}"
+    if refines(finding.candidate, leader.candidate):
+        return f"more evidence than wrong columns of {ahead} leave"
+    return "the largest evidence of all effects"  # the effect that has it fails, and a law stands in its place
 
 
 def taken(candidate: Candidate, effects: tuple[Selected, ...]) -> bool:

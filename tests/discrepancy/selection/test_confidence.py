@@ -62,10 +62,13 @@ def test_nothing_is_drawn_at_random(warm):
     assert confidence(warm, warm.effects[0]) == confidence(warm, warm.effects[0])
 
 
-def odds(own, rival, gained, monkeypatch, law=False, left=0.0):
+def odds(own, rival, gained, monkeypatch, law=False, left=0.0, ids=("copper_loss", "copper_loss")):
     monkeypatch.setattr(sure, "left_by", lambda *_: left)
-    candidate = Candidate("" if law else "copper_loss", "x", np.zeros(1, dtype=int))
-    findings = [Finding(candidate, np.ones(1), np.ones(1), evidence) for evidence in (own, rival)]
+    candidates = [Candidate("" if law else name, "x", np.zeros(1, dtype=int)) for name in ids]
+    findings = [
+        Finding(candidate, np.ones(1), np.ones(1), evidence)
+        for candidate, evidence in zip(candidates, (own, rival), strict=True)
+    ]
 
     class Rows:
         design = None
@@ -136,6 +139,19 @@ def test_a_law_has_to_explain_more_by_the_margin(monkeypatch):
     assert odds(400, 424, gained, monkeypatch, law=True, left=100.0) > 1.0
     assert odds(4000, 4040, gained, monkeypatch, law=True, left=4000.0) < 0.2
     assert odds(4000, 4140, gained, monkeypatch, law=True, left=4000.0) > 1.0
+
+
+def test_of_effects_of_one_quantity_with_as_much_evidence_the_one_without_a_free_shape_is_likelier(monkeypatch):
+    """Wrong columns leave a free shape 18 of 0.15^2 * 4000, the other one nothing."""
+
+    def against(own, rival, own_id, rival_id):
+        return odds(own, rival, [[100] * 4, [100] * 4], monkeypatch, left=4000.0, ids=(own_id, rival_id))
+
+    assert against(400, 400, "viscous_friction", "coulomb_friction") == pytest.approx(1.0)
+    assert against(400, 400, "viscous_friction", "thermal_friction") < 0.6
+    assert against(400, 400, "thermal_friction", "viscous_friction") > 1.6
+    even = against(400, 418.3, "viscous_friction", "thermal_friction")
+    assert even == pytest.approx(1.0, abs=0.01)
 
 
 @pytest.mark.slow

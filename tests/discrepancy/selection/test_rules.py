@@ -132,6 +132,9 @@ def test_the_table_says_what_every_hypothesis_lacks_against_the_one_that_leads()
     assert [each.status for each in again] == ["leads", "candidate", "refused"]
     assert again[1].missing == ("200 more evidence than a torque that depends on the angle of joint 1",)
     assert again[0].missing == () and again[2] == table[2]
+    first = replace(refused, finding=finding("payload", 600.0))
+    behind = led_by((first, hypothesis(finding("contact_force", 550.0)), hypothesis(law)), law)
+    assert [each.missing for each in behind] == [first.missing, ("the largest evidence of all effects",), ()]
 
 
 @pytest.mark.parametrize(
@@ -142,13 +145,13 @@ def test_the_table_says_what_every_hypothesis_lacks_against_the_one_that_leads()
         (4.0, "coulomb_friction", "thermal_friction"),  # another quantity
     ],
 )
-def test_a_free_shape_leads_by_more_than_wrong_columns_leave(monkeypatch, ahead, other, leads):
+def test_a_free_shape_leads_by_more_than_wrong_columns_leave(ahead, other, leads, state, monkeypatch):
+    monkeypatch.setattr(step_module, "judged", lambda rows, gate, found, *_: hypothesis(found))
     monkeypatch.setattr(step_module, "white_power", lambda *_: np.ones(4))
-    first, second = finding("thermal_friction", 1000.0), finding(other, 1000.0 - ahead)
-    rows = SimpleNamespace(design=None)
-    fits = {each.candidate.id: SimpleNamespace(rows=rows, finding=each) for each in (first, second)}
-    leader = step_module._simplest([first, second], fits, ALWAYS)
-    assert leader.candidate.id == leads
-    table = led_by((hypothesis(first), hypothesis(second)), leader)
-    assert [row.status for row in table].count("leads") == 1
-    assert (table[0].missing == ()) == (leads == "thermal_friction")
+    best = [finding("thermal_friction", 1000.0), finding(other, 1000.0 - ahead)]
+    fits = {each.candidate.id: SimpleNamespace(rows=state.rows, finding=each) for each in best}
+    step = Step._judged(state, state.rows, ALWAYS, best, fits, {}, {})
+    assert step.leader.id == leads
+    assert [row.id for row in step.table if row.status == "leads"] == [leads]
+    lacks = () if leads == "thermal_friction" else ("more evidence than wrong columns of viscous_friction leave",)
+    assert step.table[0].missing == lacks
