@@ -157,7 +157,7 @@ def _bars(designed: Designed) -> Bars:
     for name, outlook, colour in named:
         value = outlook.right(designed.causes)
         rows.append(Bar(name, value, share(value), colour))  # type: ignore[arg-type]
-    return Bars(rows, "Probability of the right name")
+    return Bars(rows, "Probability of the right name", whole=1.0)
 
 
 def _angles(designed: Designed) -> Chart:

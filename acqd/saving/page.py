@@ -177,5 +177,5 @@ def _speeds(found: Savings, block: Block) -> Bars:
     shares = (np.abs(block.proposals[-1].motion.qd).max(axis=0) / robot.speed).tolist()
     return Bars(
         [Bar(joint.name, value, percent(value), "after") for joint, value in zip(robot.joint, shares, strict=True)],
-        "Greatest speed of each joint as a share of its limit",
-    )
+        "Greatest speed of each joint as a share of its limit", whole=1.0,
+    )  # fmt: skip

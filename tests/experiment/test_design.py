@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from acqd.experiment.design import Asked, Designed, Outlook
-from acqd.experiment.page import headline, steps
+from acqd.experiment.page import _bars, headline, steps
 
 
 def designed(now, after, *, unanswered, named=(), asked=()):
@@ -42,6 +42,11 @@ def test_the_page_does_not_call_a_report_settled_that_is_open():
     assert "no motion has to decide" in headline(designed(0.97, 0.98, unanswered=False))
     assert "leaves them open" in headline(designed(0.97, 0.98, unanswered=True))
     assert steps(designed(0.97, 0.98, unanswered=False)) == []
+
+
+def test_a_bar_is_as_long_as_its_probability():
+    bars = _bars(designed(0.2, 0.83, unanswered=True))
+    assert [row.share(bars.longest) for row in bars.rows] == [83.0, 20.0, 20.0, 20.0]
 
 
 def test_a_report_whose_name_is_not_in_doubt_asks_for_no_motion_whatever_else_could_be_there():

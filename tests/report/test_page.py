@@ -8,7 +8,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from acqd.report import KeyFigure, Page, Verdict
-from acqd.report.bars import Bar, ranked
+from acqd.report.bars import Bar, Bars, ranked
 from tests.report.charts import chart
 from tests.report.test_in_a_browser import arm_view
 
@@ -109,6 +109,13 @@ def test_bars_are_linear_and_sorted_with_the_winner_first():
     text = whole(page)
     assert text.index("best") < text.index("worse") < text.index("nothing")
     assert [w[:-1] for w in _widths(text)] == ["width: 100.0%", "width: 25.0%", "width: 0.0%"]
+
+
+def test_bars_of_shares_are_relative_to_the_whole():
+    """Seven percent, the largest of all, is no full bar."""
+    page = Page("Bars", simulated=False)
+    page.bars(Bars([Bar("best", 0.07, "7 %"), Bar("worse", 0.02, "2 %")], "share [%]", whole=1.0), "")
+    assert [w[:-1] for w in _widths(whole(page))] == ["width: 7.0%", "width: 2.0%"]
 
 
 def _widths(text):

@@ -71,4 +71,4 @@ def beliefs(each: Reported) -> Bars:
         for name, share in each.alternatives
         if share >= LEAST_CONFIDENCE and name not in kin
     ]
-    return ranked(rows, "Confidence [%]")
+    return ranked(rows, "Confidence [%]", whole=1.0)
