@@ -32,11 +32,16 @@ def _row(row: Hypothesis, table: tuple[Hypothesis, ...]) -> str:
     place = f"{row.id} ({row.where}; {sizes}): {evidence}{sessions}; {size}"
     if row.status == "leads":
         second = next((each for each in table if each is not row), None)
-        ahead = (
-            "" if second is None else f", {row.finding.evidence - second.finding.evidence:.0f} ahead of {second.name}"
-        )
-        return f"{place}; leads{ahead}"
+        return f"{place}; leads{'' if second is None else _ahead_of(second, row)}"
     return f"{place}; missing: {'; '.join(row.missing)}" if row.missing else place
+
+
+def _ahead_of(second: Hypothesis, leader: Hypothesis) -> str:
+    """How far the leader is ahead, or what the one that has more evidence lacks (rule 4)."""
+    ahead = leader.finding.evidence - second.finding.evidence
+    if ahead >= 0 or not second.missing:
+        return f", {ahead:.0f} ahead of {second.name}"
+    return f"; {second.name} has {-ahead:.0f} more evidence, and lacks {'; '.join(second.missing)}"
 
 
 def _later(effect: Reported) -> list[str]:
