@@ -48,6 +48,8 @@ class Closed:
     """Those of the notes that make the verdict less than it seems."""
     largely_unexplained: bool = False
     """Whether the names explain less than half of what the error has grown by."""
+    still_grown: bool = False
+    """Whether the error after the search is above that of the reference, beyond what the reference explains."""
 
     @property
     def kept(self) -> list[Reported]:

@@ -72,9 +72,10 @@ def close_loop(config: CloseConfig, progress: Progress) -> Closed:
     after = quality(improved.errors)
     if after.rmse < floor_W:  # no model can be better than the noise: brakes and supplies act at rest, too
         floor_W, floor_source = after.rmse, "of the residual, which is smaller than what the power varies by at rest"
+    still_grown = grown(improved.errors)
     unexplained = largely_unexplained(
         selection, improved, predictive.of_change(errors_before), predictive.of_change(improved.errors), usual,
-        grown=grown(improved.errors),
+        grown=still_grown,
     )  # fmt: skip
     warnings = [
         *of_meters,
@@ -97,7 +98,7 @@ def close_loop(config: CloseConfig, progress: Progress) -> Closed:
             *subject.notes, *unused_efforts(subject), *warnings, *not_added(improved),
             *(scale_notes(subject) if effects else []), *remarks,
         ],
-        warnings=warnings, largely_unexplained=bool(unexplained),
+        warnings=warnings, largely_unexplained=bool(unexplained), still_grown=still_grown,
     )  # fmt: skip
 
 

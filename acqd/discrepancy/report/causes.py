@@ -19,7 +19,8 @@ LEAST = 0.01
 def believed(closed: Closed) -> Belief | None:
     """Of the largest cause; None where nothing acts, and without what the calibration had.
 
-    That is a reference, all effects, and power of the time of the motion.
+    That is a reference, all effects, and power of the time of the motion. What acts in held-out recordings alone leaves
+    no evidence, and the scale of evidence says that nothing acts: an error there that has grown denies that.
     """
     standing = closed.selection.standing
     if standing is None or not closed.subject.reference or closed.subject.chosen != frozenset(library()):
@@ -27,6 +28,8 @@ def believed(closed: Closed) -> Belief | None:
     if closed.mistimed:
         return None
     belief, lead = shipped().believed(standing), leading(closed)
+    if lead is None and closed.still_grown and next(iter(belief.probabilities)) == NOTHING:
+        return None
     if lead is None:  # no cause was found: the verdict excludes nothing only where a structure is proven
         return belief if closed.verdict == "unknown_structure" else with_member(belief, NOTHING)
     rivals: dict[str, float] = {}

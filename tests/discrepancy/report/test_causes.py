@@ -25,11 +25,13 @@ def closed(
     verdict="unknown_structure",
     unexplained=False,
     mistimed=False,
+    still_grown=False,
 ):
     subject = SimpleNamespace(reference=list(reference), chosen=frozenset(chosen or library()))
     return SimpleNamespace(
         selection=SimpleNamespace(standing=standing), subject=subject, improved=SimpleNamespace(effects=effects),
         verdict=verdict, largely_unexplained=unexplained, mistimed=mistimed,
+        still_grown=still_grown,
     )  # fmt: skip
 
 
@@ -77,6 +79,14 @@ def test_a_set_does_not_exclude_nothing_where_the_verdict_does_not(verdict):
 
 def test_power_of_another_time_has_no_set():
     assert causes.believed(closed()) is not None and causes.believed(closed(mistimed=True)) is None
+
+
+def test_nothing_is_not_believed_where_held_out_recordings_deny_it():
+    silent = Standing(dict.fromkeys(EVIDENCE, 0.5), dict.fromkeys(EVIDENCE, (0.0, 0.0)), -0.2, {})
+    unclear = {"verdict": "not_identifiable", "still_grown": True}
+    assert next(iter(causes.believed(closed(silent, verdict="not_identifiable")).probabilities)) == NOTHING
+    assert causes.believed(closed(silent, **unclear)) is None
+    assert causes.believed(closed(**unclear)).members[0] == "payload"
 
 
 def test_words():
