@@ -13,6 +13,7 @@ import queue
 import threading
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -250,6 +251,8 @@ class Recorder:
     def _fail(self, sheet: Sheet, reason: str) -> None:
         sheet.failed = reason
         self._close(sheet.head.number, f"disk: {reason}")
+        with suppress(OSError):
+            self._ring.make_room(0)  # what has just ended may go, too: the next segment may be a long time away
         self._note_trouble("disk", reason)
 
     def _note_trouble(self, state: str, reason: str) -> None:

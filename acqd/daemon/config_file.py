@@ -14,7 +14,7 @@ from acqd.daemon.config_complaint import complaint
 from acqd.daemon.config_place import as_installed
 from acqd.daemon.earlier_files import with_tariff, without_effect
 from acqd.daemon.mqtt_section import Service
-from acqd.errors import InputError, UserError
+from acqd.errors import InputError
 from acqd.toml_file import tables_of
 
 _log = logging.getLogger(__name__)
@@ -51,7 +51,8 @@ def read_toml(path: Path) -> dict[str, Any]:
     except InputError as error:
         if "source]" not in str(error):
             raise
-        raise UserError(f"{error}; several sources are all written as [[source]]") from None
+        problem = str(error).removeprefix(f"{path}: ")
+        raise InputError(path, f"{problem}; several sources are all written as [[source]]") from None
 
 
 def parsed_config(data: dict[str, Any], path: Path) -> Config:

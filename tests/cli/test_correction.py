@@ -46,7 +46,7 @@ def test_the_report_says_what_was_corrected_and_that_the_cause_is_unknown(correc
     assert f"up to {found['size']['value']:.3g} Nm" in " ".join(printed.split()) and "cause unknown" in printed
     page = (folder / "report.html").read_text()
     assert "Correction without a name" in page and "does not say what causes it" in page
-    assert "angle of joint 3 [rad]" in page
+    assert "angle of joint elbow [rad]" in page
 
 
 @pytest.mark.slow("cli.close_loop", "fmu")

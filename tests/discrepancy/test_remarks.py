@@ -41,4 +41,4 @@ def test_names_that_explain_less_than_half_of_the_growth_are_doubted(said):
 def test_power_at_times_that_nothing_predicts_counts_as_it_is(said):
     assert said(3.0, "contact_force", timed_W=2.5) == []
     (line,) = said(3.0, "thermostat", timed_W=0.8)
-    assert "explains 8 % of" in line
+    assert "explains 8.0 % of" in line

@@ -94,7 +94,7 @@ def test_a_signal_that_is_missing_shows_its_own_effect(choices):
 
 def test_torques_help_where_rows_limit_and_never_harm(rows, gate, plan, choices):
     for name in ("torques of joint sensors", "currents of motors"):
-        assert choices[name].shrinks <= 1 + 1e-9 and "1 %" in choices[name].assumed
+        assert choices[name].shrinks <= 1 + 1e-9 and "1.0 %" in choices[name].assumed
 
 
 def test_stand_ins_keep_what_was_recorded(comparison):
