@@ -24,7 +24,7 @@ from acqd.telemetry.mqtt import BrokerAddress
 from acqd.web.settings import WebSettings
 from tests.browser import chromium, looks, serious_findings
 from tests.daemon.health.snapshots import daemon
-from tests.web.test_in_a_browser import Served, publisher, send, shows  # noqa: F401 - a fixture
+from tests.web.test_in_a_browser import Served, publisher, send, sends_until, shows  # noqa: F401 - a fixture
 
 pytestmark = pytest.mark.browser
 pytest.importorskip("uvicorn")
@@ -166,10 +166,10 @@ def test_every_panel_shows_its_data_and_nothing_is_wrong(page_of_all, publisher)
                 page.route("**/arm_live.js", lambda route: route.abort(), times=1)  # asked for again
             page.goto(address)
             shows(page, "#log-table", "run-1.csv")
+            sends_until(page, "#device", "cell1", lambda: send(publisher, 7, 123.4))  # a viewer gets what comes later
             sent = send(publisher, 7, 123.4)
             publisher.publish(f"acqd/{sent.device}/prediction/alarm", orjson.dumps(alarm), retain=True)
             publisher.publish(f"acqd/{sent.device}/joints", posture_at(time.time(), 0.5))
-            shows(page, "#device", sent.device)
             publisher.publish(f"acqd/{sent.device}/status", orjson.dumps({"device": sent.device, "wiring": WIRING}))
             shows(page, "#wiring-findings", "i2 is reversed: [source] correction = { i_gain = [1.0, -1.0, 1.0] }")
             shows(page, "#phasor-table", "149.0")
