@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag, cho_factor, cho_solve
+from scipy.optimize import minimize_scalar
 
 from acqd.arrays import Floats
 from acqd.discrepancy.loads.common import CommonLoad
@@ -24,6 +25,7 @@ from acqd.discrepancy.regression.gram import Indices
 from acqd.discrepancy.regression.least_squares import Regression
 from acqd.discrepancy.regression.setup import LEAST_LEVEL_W
 from acqd.discrepancy.selection.accepted import Selected, Selection
+from acqd.discrepancy.selection.ranking import prior_deviations
 from acqd.models.augmented import Augmented
 from acqd.models.effects import library
 from acqd.models.effects.effect import effect_rows_at
@@ -31,6 +33,9 @@ from acqd.models.effects.scene import Scene, segment_scene
 from acqd.models.greybox.model import GreyBox
 from acqd.residual.thresholds import NOISE
 from acqd.residual.whitening import Whitener
+
+_LOG_FACTORS = (-9.0, 0.0)
+"""Of a common factor of prior deviations: from nothing to the deviation of a candidate."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +83,10 @@ class Beside:
         for owner in owners.values():
             bare = bare.without(owner)
         normal, product = bare.normal(1 - columns.in_question)
-        factor = cho_factor(normal)
+        endless = free[np.isinf([regression.columns[k].deviation for k in free])]
+        priors = prior_deviations(selection.design, regression.indices[endless])
+        pull = _shared_prior(normal, product, endless, priors, selection.rows.learning_rate)
+        factor = cho_factor(normal + np.diag(pull))
         beta = cho_solve(factor, product)[free]
         lacks = tuple(of_free @ beta for of_free in rows)
         return cls(regression, owners, tuple(rows), known, lacks, _inverse(factor, free))
@@ -100,6 +108,24 @@ class Beside:
             for k, columns in enumerate(self.columns)
         )
         return uncertain, block_diag(self.covariance, _inverse(whole, owned))
+
+
+def _shared_prior(normal: Floats, product: Floats, free: Indices, priors: Floats, rate: float) -> Floats:
+    """[columns] precision of the columns that are `free` in the regression: what the reference says of them together.
+
+    Minutes of a reference leave many of them open, and another motion shows what they leave: hundreds of W. Their
+    deviations are those of candidates, `priors` [free], times the factor of the largest marginal likelihood (ADR 108).
+    """
+    precision = np.zeros(len(product))
+    precision[free] = priors**-2.0
+
+    def unlikely(log_factor: float) -> float:
+        factor = cho_factor(rate * normal + np.diag(precision * np.exp(-2 * log_factor)))
+        explained = rate**2 * float(product @ cho_solve(factor, product))
+        return 2 * float(np.log(np.diag(factor[0])).sum()) + 2 * len(free) * log_factor - explained
+
+    best = minimize_scalar(unlikely, bounds=_LOG_FACTORS, method="bounded").x
+    return precision * float(np.exp(-2 * best)) / rate
 
 
 def _inverse(factor: tuple[Floats, bool], chosen: Sequence[int] | Indices) -> Floats:

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from acqd.discrepancy.repair import guard
+from acqd.discrepancy.repair import guard, predictive
 from acqd.discrepancy.repair.guard import improve
 from acqd.discrepancy.repair.predictive import Beside, Predictive
 from acqd.discrepancy.repair.terms import reported
@@ -83,6 +83,18 @@ def test_held_out_recordings_are_as_warm_as_their_session(robot):
     base, levels = selection.design.columns.base, 2
     thermal = [each[:, base:-levels] for each in Beside.of(selection, subject).columns]
     assert 0 < rms(thermal[2:]) < 0.1 * rms(thermal[:2])
+
+
+def test_what_the_reference_leaves_open_is_as_small_as_what_it_shows():
+    """Of forty columns half act as hardly as the other half acts much; all have coefficients of one size."""
+    random = np.random.default_rng(3)
+    rows = random.normal(0, 1, (4000, 40)) * np.where(np.arange(40) < 20, 1.0, 1e-4)
+    true = random.normal(0, 0.1, 40)
+    normal, product = rows.T @ rows, rows.T @ (rows @ true + random.normal(0, 1, 4000))
+    pull = predictive._shared_prior(normal, product, np.arange(40), np.full(40, 10.0), 0.7)
+    assert np.allclose(pull, pull[0]) and 0.05 < (0.7 * pull[0]) ** -0.5 < 0.2
+    errors = [np.linalg.solve(normal + np.diag(each), product) - true for each in (pull, np.full(40, 1e-9))]
+    assert np.abs(errors[0]).max() < 0.5 < 50 < np.abs(errors[1]).max()
 
 
 def test_what_predicts_better_and_does_not_reduce_the_error_is_reported_and_not_added(monkeypatch):
