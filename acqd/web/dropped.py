@@ -78,7 +78,8 @@ async def _brisk(name: str, body: AsyncIterator[bytes]) -> AsyncIterator[bytes]:
     begun, size = time.monotonic(), 0
     while True:
         try:
-            piece = await asyncio.wait_for(anext(body, None), SILENT_S)
+            async with asyncio.timeout(SILENT_S):  # wait_for of Python 3.11 may lose a cancellation beside a result
+                piece = await anext(body, None)
         except TimeoutError:
             raise UserError(f"{name}: nothing has come for {SILENT_S:.0f} s; send the files again") from None
         if piece is None:
