@@ -155,6 +155,8 @@ def charts_by_keyboard(page):
 
 
 def test_every_panel_shows_its_data_and_nothing_is_wrong(page_of_all, publisher):  # noqa: F811 - the fixture
+    from playwright.sync_api import expect
+
     served, alarm = page_of_all
     address = served.server._site._settings.address
     with chromium() as browser:
@@ -204,4 +206,4 @@ def test_every_panel_shows_its_data_and_nothing_is_wrong(page_of_all, publisher)
             if light:
                 a_file_that_a_proxy_refuses(page)
             page.goto(f"{address}report")
-            page.wait_for_function("document.title == 'shown'")
+            expect(page).to_have_title("shown", timeout=60_000)
