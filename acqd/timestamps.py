@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 from acqd.errors import InputError
 
 Nanoseconds: TypeAlias = NDArray[np.int64]
+SINCE_1970_S = 1e8
+"""Unix times of clocks that run are larger (March 1973); smaller times count from another start."""
 _FILETIME_1970 = 116_444_736_000_000_000  # 100 ns from 1601-01-01 to 1970-01-01
 _FILETIME_2100 = 157_469_184_000_000_000
 _OTHER_CLOCKS = {

@@ -25,6 +25,7 @@ from acqd.api.doubts import doubtful_power, scaled, warn_of, written_twice
 from acqd.api.places import Place
 from acqd.api.robot import Robot
 from acqd.dataset.column_check import judge_recordings
+from acqd.dataset.config import LONGEST_STEP_S
 from acqd.dataset.cut import CONTEXT_ROWS
 from acqd.dataset.merge import Recording
 from acqd.dataset.split import Part
@@ -48,7 +49,6 @@ if TYPE_CHECKING:
     Table: TypeAlias = ArrayLike | pandas.DataFrame | pandas.Series
 
 _VALIDATION = 0.15  # of the rows, where all are one recording
-_LONGEST_STEP_S = 10.0  # as acqd dataset build
 _MIN_ROWS = 4  # of a recording: two parts, and a difference in each
 
 
@@ -210,9 +210,9 @@ class PowerRegressor(RegressorMixin, BaseEstimator):  # type: ignore[misc]
 
 def _require_step(step_s: object) -> None:
     """Raises ValueError for a step that is no time between rows."""
-    if not isinstance(step_s, (int, float, np.number)) or not 0.0 < float(step_s) <= _LONGEST_STEP_S:
+    if not isinstance(step_s, (int, float, np.number)) or not 0.0 < float(step_s) <= LONGEST_STEP_S:
         raise ValueError(
-            f"step_s={step_s!r}: expected the seconds between rows, up to {_LONGEST_STEP_S:g}: 0.04 is 40 ms"
+            f"step_s={step_s!r}: expected the seconds between rows, up to {LONGEST_STEP_S:g}: 0.04 is 40 ms"
         )
 
 

@@ -9,6 +9,9 @@ from typing import Literal
 from acqd.dataset.power import Measured
 from acqd.dataset.regressors import TorqueSource
 
+LONGEST_STEP_S = 10.0
+"""Between the rows of a dataset."""
+
 
 @dataclass(frozen=True, slots=True)
 class BuildConfig:

@@ -13,11 +13,10 @@ import numpy as np
 
 from acqd.errors import InputError
 from acqd.robot.log import RobotLog, in_time
+from acqd.timestamps import SINCE_1970_S
 
 _SAME = 0.001
 """rad or m between angles of the same time."""
-_UNIX_S = 1e8
-"""Times above are of a calendar (after 1973). Smaller ones count from the start of a log: then only equal rows tell."""
 _MOST = 0.5
 """Share of the shorter log, as recorders that start a new file overlap by seconds; and of the way in both."""
 _FEWEST = 20
@@ -39,7 +38,7 @@ class DistinctLogs:
             return
         first, last = float(time[0]), float(time[-1])
         for other, from_s, to_s in self._logs:
-            if min(first, from_s) < _UNIX_S:
+            if min(first, from_s) < SINCE_1970_S:  # from the start of a log: only equal rows tell
                 copied = (first, last) == (from_s, to_s) and _equal(log, other)
             else:
                 shared_s = min(last, to_s) - max(first, from_s)

@@ -72,7 +72,7 @@ def unused_notes(recordings: list[Recording]) -> list[str]:
         return []
     worst = max(recordings, key=lambda each: float((~_of_piece(each)).mean()))
     return [
-        f"{100 * share:.0f} % of the rows of the recordings have no power or no pose (gaps, empty cells, flags), most "
+        f"{percent(share)} of the rows of the recordings have no power or no pose (gaps, empty cells, flags), most "
         f"of them in {worst.name}: no model uses them"
     ]
 

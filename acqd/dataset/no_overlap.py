@@ -9,7 +9,7 @@ import numpy as np
 from acqd.dataset.power import PowerStream
 from acqd.robot.log import DAY_S, RobotLog
 from acqd.robot.log_times import LATEST_S
-from acqd.timestamps import rfc3339
+from acqd.timestamps import SINCE_1970_S, rfc3339
 
 _EPOCHS_S = {
     "1904-01-01 (LabVIEW)": 2_082_844_800.0,
@@ -19,8 +19,6 @@ _EPOCHS_S = {
 }
 """What a clock counts seconds from, by how far it is ahead of Unix time."""
 _FURTHEST_ZONE_H = 14
-_OTHER_ORIGIN_S = 1e8
-"""Times of logs below count from another origin than 1970."""
 _NEAR_S, _QUARTER_S = 120.0, 900.0
 """Clocks that people set differ by less than the first; time zones differ by multiples of the second."""
 _Span = tuple[float, float]
@@ -43,7 +41,7 @@ def far_apart(lags_s: Sequence[float], powers: Sequence[PowerStream], logs: Sequ
     """
     power, motion = _span([each.time_ns * 1e-9 for each in powers]), _span([each.time for each in logs])
     lag_s = float(np.median(lags_s)) if len(lags_s) else 0.0
-    if power is None or motion is None or min(power[0], motion[0]) < _OTHER_ORIGIN_S or abs(lag_s) <= _NEAR_S:
+    if power is None or motion is None or min(power[0], motion[0]) < SINCE_1970_S or abs(lag_s) <= _NEAR_S:
         return []
     ahead, behind = ("logs'", "meter's") if lag_s > 0 else ("meter's", "logs'")
     quarters = abs(lag_s) / _QUARTER_S
@@ -68,7 +66,7 @@ def _span(times: Sequence[np.ndarray]) -> _Span | None:
 
 
 def _text(span: _Span) -> str:
-    if span[0] < 0 or not _OTHER_ORIGIN_S <= span[1] < LATEST_S:
+    if span[0] < 0 or not SINCE_1970_S <= span[1] < LATEST_S:
         return f"{span[0]:.0f} to {span[1]:.0f} s"
     first, last = (f"{rfc3339(round(each) * 1_000_000_000)[:19]}Z" for each in span)
     return f"{first} to {last}"

@@ -28,7 +28,7 @@ from acqd.errors import InputError, UserError
 from acqd.robot.row_clock import even_times
 from acqd.rounded_times import rebuilt_times, shared_stamps
 from acqd.storage.url import shown
-from acqd.timestamps import Nanoseconds
+from acqd.timestamps import SINCE_1970_S, Nanoseconds
 
 Measured = Literal["mains", "bus", "derived", "simulated"]
 """Where P comes from: a meter, the controller's measurement of the robot's supply, a computation from other
@@ -43,8 +43,6 @@ _FASTEST_NS = 1e5
 _PAUSE_S = 5.0
 """Step that is a gap, not a late row."""
 _SAMPLE = 100
-_UNIX_S = 1e8
-"""Seconds since 1970 of all clocks (1973), and more W than any robot takes."""
 _RISES = 0.5
 """Share of the rows in which a register of energy grows."""
 _IN_PACKETS = 0.1
@@ -198,8 +196,8 @@ def _spool(origin: str, blocks: Iterator[PowerRows], clock: LocalClock, notes: l
 
 
 def _require_power_not_time(origin: str, time_ns: Nanoseconds, P: Floats) -> None:
-    """Raises InputError where P is a clock and the time is none: columns that are exchanged."""
-    if len(P) >= _SAMPLE and P[0] > _UNIX_S and (np.diff(P) >= 0).all() and (np.diff(time_ns) < 0).any():
+    """Raises InputError where P is a clock, at more W than any robot takes, and the time is not: exchanged columns."""
+    if len(P) >= _SAMPLE and P[0] > SINCE_1970_S and (np.diff(P) >= 0).all() and (np.diff(time_ns) < 0).any():
         raise InputError(origin, f"P rises from {P[0]:.0f} on in every row, time does not: are the columns exchanged?")
 
 

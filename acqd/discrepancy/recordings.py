@@ -62,10 +62,7 @@ class Subject:
     @property
     def begins(self) -> dict[str, float]:
         """UTC of the start of the sessions in question by name, s; a session may begin with a held-out recording."""
-        begins: dict[str, float] = {}
-        for segment in [*self.fit, *self.held_out]:
-            begins[segment.session] = min(segment.start_s, begins.get(segment.session, np.inf))
-        return begins
+        return {s.session: s.start_s for s in sorted([*self.fit, *self.held_out], key=lambda s: -s.start_s)}
 
 
 def subject_of(config: CloseConfig, progress: Callable[[str, float], None]) -> Subject:

@@ -157,7 +157,7 @@ def completeness(
 
 
 def first_day(engine: sa.Engine) -> date | None:
-    """Day (UTC) of the oldest row; None: there is none."""
+    """Day (UTC) of the oldest row; None without rows."""
     with engine.connect() as connection:
         oldest = connection.scalar(sa.select(sa.func.min(power.c.filetime)))
     return None if oldest is None else datetime.fromtimestamp(unix_s(oldest), UTC).date()

@@ -1,4 +1,4 @@
-"""A log with the motion of another one is a copy, however it was written; a repeated program is none."""
+"""A log with the motion of another one is a copy, however it was written, and a repeated program is not."""
 
 from dataclasses import replace
 from pathlib import Path

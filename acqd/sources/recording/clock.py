@@ -11,6 +11,7 @@ import numpy as np
 from acqd.arrays import Floats
 from acqd.errors import InputError
 from acqd.sources.waveform import LATEST_NS, ChannelMap
+from acqd.timestamps import SINCE_1970_S
 
 _JITTER = 0.01  # of one period: a larger deviation is not an equidistant recording
 _COARSE = 1e-4  # resolution of the times over their span: beyond it they do not tell the rate
@@ -18,7 +19,6 @@ _EARLIEST_S = 946_684_800.0  # 2000-01-01: a time column before it counts from s
 _DAY_S = 86_400.0
 _UNIX = ((1e17, 1e-9), (1e14, 1e-6), (1e11, 1e-3))
 """Numbers from which on a Unix time without a unit is in ns, us, ms, and s per number: in s they lie beyond 5000."""
-_SINCE_1970_S = 1e8  # a first time below it is no date; a longer pause is a clock that was set meanwhile
 _PAUSE = 1.5  # steps between two rows, from which on samples are missing there
 _ROWS = 50  # rows per pause, at least: what pauses more often is no waveform
 
@@ -100,7 +100,7 @@ def _pauses(times: Floats, step: float, slack: float) -> Clock | None:
     """Of times that are equidistant but for some pauses: a logger that lost rows, or segments of a recorder."""
     steps = np.diff(times)
     at = np.flatnonzero(steps > _PAUSE * step) + 1
-    if not at.size or at.size * _ROWS > len(times) or step <= 0 or steps.max() > _SINCE_1970_S:
+    if not at.size or at.size * _ROWS > len(times) or step <= 0 or steps.max() > SINCE_1970_S:
         return None
     edges = [0, *at.tolist(), len(times)]
     lengths = np.diff(edges)
@@ -128,7 +128,7 @@ def _in_pairs(times: Floats) -> bool:
 
 def _start_of(first: float) -> tuple[int | None, tuple[str, ...]]:
     """UTC [ns] of a time column that counts from 1970; another one has no date."""
-    if abs(first) < _SINCE_1970_S:
+    if abs(first) < SINCE_1970_S:
         return None, ()
     if _EARLIEST_S <= first <= time.time() + _DAY_S:
         return round(first * 1e9), ()
