@@ -146,8 +146,8 @@ def _unrelated(share: float, robot: RobotDescription, samples: list[OrderSample]
 def _unexplained(share: float) -> str:
     return (
         f"the motion explains {percent(max(share, 0.0))} of the changes of the power, but lifts the arm's masses: "
-        "is it the power of this robot, in these rows, and do the columns of angles hold angles? The order of the axes cannot be "
-        "judged either"
+        "is it the power of this robot, in these rows, and do the columns of angles hold angles? The order of the "
+        "axes cannot be judged either"
     )
 
 
